@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
+.PHONY: demo test check unit wheel docs test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
 .DEFAULT_GOAL := test
 
 $(VENV)/.installed: pyproject.toml
@@ -30,6 +30,10 @@ unit: $(VENV)/.installed
 
 wheel: $(VENV)/.installed
 	$(BIN)/python tools/check_wheel.py
+
+# The documents' site, with search: python -m http.server --directory build/site
+docs: $(VENV)/.installed
+	$(BIN)/python -m tools.docs.site
 
 test-gpu: $(VENV)/.installed
 	$(BIN)/python -m pytest -m gpu

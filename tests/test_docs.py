@@ -65,10 +65,11 @@ def test_every_operator_has_its_heading_and_fields() -> None:
             assert f"`{field}`" in section, f"{name}: {field}"
 
 
-def test_every_drawn_operator_shows_its_picture() -> None:
+def test_every_operator_shows_its_picture() -> None:
     text = (ROOT / "docs/operators.md").read_text()
     pictures = sorted((ROOT / "docs/images/operators").glob("*.png"))
-    assert len(pictures) >= 12
+    drawn = {picture.stem for picture in pictures} | {"stylize"}  # whose needs weights to draw
+    assert drawn == set(registry.operator_names())
     for picture in pictures:
         section = text.split(f"## {picture.stem}\n")[1].split("\n## ")[0]
         assert f"(images/operators/{picture.name})" in section

@@ -1,11 +1,11 @@
-"""Does an independent reader agree with our .ply files? Needs node; run by hand, not in CI.
+"""Does an independent reader agree with our .ply and .spz files? Needs node; run by hand, not in CI.
 
     npm install --prefix FOLDER @playcanvas/splat-transform
     python tools/check_ply.py FOLDER/node_modules/.bin/splat-transform
 
 SuperSplat's own converter reads Gaussians of SH degree 0 to 3 that we wrote, turns and shifts them (which mixes the
 harmonics within each band), and writes them again. What our rasteriser draws of its file, from a camera moved along,
-must be what it draws of ours.
+must be what it draws of ours. Of an .spz it must read what we wrote, to half a step of its coarse numbers.
 """
 
 import argparse
@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from rpaug.core.types import Gaussians
-from rpaug.gaussians import ply
+from rpaug.gaussians import gaussian_files, ply
 from rpaug.render.splat import render
 
+HALF_STEP = 8.5 / 128  # of a harmonic beyond band 1 in an .spz
 AGREE = 1e-4  # of full color: float32 through logarithms and logits
 
 
@@ -39,7 +40,7 @@ def check(tool: Path, bands: int, folder: Path) -> tuple[float, float]:
     """The largest difference of any color, and how much the higher harmonics matter in this picture."""
     ours, theirs = folder / f"ours{bands}.ply", folder / f"theirs{bands}.ply"
     given = some(bands)
-    ply.write(ours, given)
+    gaussian_files.write(ours, given)
     subprocess.run(
         [tool.absolute(), "-q", ours, "-r", "30,-20,50", "-t", "0.1,0.2,0.3", theirs], check=True
     )
@@ -57,6 +58,18 @@ def check(tool: Path, bands: int, folder: Path) -> tuple[float, float]:
     return float(np.abs(first - second).max()), float(np.abs(first - plain).max())
 
 
+def check_spz(tool: Path, bands: int, folder: Path) -> float:
+    """The largest difference of any position, in metres, and of any harmonic from half of its step."""
+    ours, theirs = folder / f"ours{bands}.spz", folder / f"from_spz{bands}.ply"
+    given = some(bands)
+    given.sh[:] = given.sh.clip(-0.9, 0.9)
+    gaussian_files.write(ours, given)
+    subprocess.run([tool.absolute(), "-q", ours, theirs], check=True)
+    back = ply.read(theirs)
+    coarse = np.abs(back.sh - given.sh).max() - HALF_STEP
+    return float(max(np.abs(back.means - given.means).max(), coarse))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("tool", type=Path, help="the splat-transform command")
@@ -67,7 +80,9 @@ def main() -> None:
             print(
                 f"SH degree {degree}: colours differ by {off:.1e}; without higher bands by {matter:.2f}"
             )
-            if off > AGREE:
+            apart = check_spz(given.tool, (degree + 1) ** 2, Path(folder))
+            print(f"  .spz: {apart:.1e} apart")
+            if off > AGREE or apart > AGREE:
                 raise SystemExit("they disagree")
 
 

@@ -120,7 +120,7 @@ GROUPS = {
             ),
             "export": (
                 "scenes",
-                "Write a scene as a .ply in 3DGS layout, which SuperSplat and other viewers open.",
+                "Write a scene as a .ply in 3DGS layout or as an .spz, which SuperSplat and other viewers open.",
             ),
         },
     ),

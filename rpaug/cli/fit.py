@@ -30,7 +30,8 @@ def fit(
     out: Annotated[Path, typer.Option(help="Folder of the scene store; scenes are added to it.")],
     episode: EpisodeKey = None,
     ply: Annotated[
-        Path | None, typer.Option(help="Also export to this new file, in 3DGS layout.")
+        Path | None,
+        typer.Option(help="Also export to this new file: .ply in 3DGS layout, or .spz."),
     ] = None,
     stop: Annotated[
         StopChoice,

@@ -97,7 +97,7 @@ def rm(
 def export(
     store: Store,
     key: Key,
-    out: Annotated[Path, typer.Argument(help="New .ply file.", show_default=False)],
+    out: Annotated[Path, typer.Argument(help="New .ply or .spz file.", show_default=False)],
     frame: Annotated[
         int, typer.Option(min=0, help="Moving bodies stand where they are at this frame.")
     ] = 0,
@@ -107,13 +107,13 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Write a scene as a .ply in 3DGS layout, which SuperSplat and other viewers open.
+    """Write a scene as a .ply in 3DGS layout or as an .spz, which SuperSplat and other viewers open.
 
     Example: [bold]rpaug scenes export scenes 3fa2 drawer.ply --frame 40[/]
     """
     import numpy as np
 
-    from rpaug.gaussians import gaussians, ply
+    from rpaug.gaussians import gaussian_files, gaussians
     from rpaug.gaussians import store as stored
 
     found = stored.load(store, stored.named(store, key))
@@ -128,8 +128,8 @@ def export(
             known = ", ".join(map(str, np.unique(placed.ids).tolist()))
             raise RpaugError(f"no Gaussian has instance id {sorted(missing)}; there are: {known}")
         placed = gaussians.chosen(placed, np.isin(placed.ids, instance_id))
-    ply.write(out, placed)
-    described = {"ply": str(out), "gaussians": len(placed), "frame": frame}
+    gaussian_files.write(out, placed)
+    described = {"file": str(out), "gaussians": len(placed), "frame": frame}
     if as_json:
         print_json(described)
     else:

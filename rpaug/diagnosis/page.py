@@ -8,37 +8,23 @@ import numpy as np
 import yaml
 from jaxtyping import UInt8
 
-from rpaug.core.visible import visible
 from rpaug.diagnosis import pictures
 from rpaug.diagnosis.evaluation import Evaluation, Rollout
 from rpaug.diagnosis.messages import Cause, Diagnosis
 from rpaug.diagnosis.reference import Reference
+from rpaug.pages import document
 
 MOST_FAILURES, MOST_SUCCESSES, MOST_RECORDINGS = 12, 4, 3
 TILE = 160  # pixels, of one picture's height
-STYLE = """
-body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:1200px;padding:0 1rem;color:#1d232b;background:#fff}
-h1{font-size:1.35rem}h2{font-size:1.1rem;margin:2rem 0 .4rem;border-top:1px solid #d7dce2;padding-top:1rem}
-.wide{overflow-x:auto}table{border-collapse:collapse;margin:.4rem 0}
-td,th{padding:4px 14px 4px 0;text-align:left;vertical-align:top;border-bottom:1px solid #e6e9ed;min-width:3.5em}
-th{color:#5a6673;font-weight:400}.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
-.side{min-width:16em}.frames{display:flex;flex-wrap:wrap;gap:1rem 1.5rem}
-figure{margin:0;width:min-content;max-width:100%}figcaption{color:#5a6673;overflow-wrap:anywhere}
-img{display:block;image-rendering:pixelated;max-width:calc(100vw - 2rem)}
-.bar{background:#c9402f;height:.7em;display:inline-block}.scale{display:inline-block;width:64px;text-align:left}
-pre{background:#f5f7f9;padding:.7rem;white-space:pre-wrap}.by{color:#5a6673}
-"""
 
 
 def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | None = None) -> bytes:
     """The page. Everything that came out of a file is escaped; what cannot be seen is spelled out."""
     given = html.escape
     parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-        "<title>rpaug diagnosis</title>",
-        f"<style>{STYLE}</style><h1>{given(diagnosis.verdict.capitalize())}: "
+        f"<h1>{given(diagnosis.verdict.capitalize())}: "
         f"{diagnosis.failures} of {diagnosis.rollouts} rollouts failed</h1>",
-        f"<p class=by>Judged by: {given(diagnosis.analyst)}</p>",
+        f"<p class=soft>Judged by: {given(diagnosis.analyst)}</p>",
         *(f"<p>{given(note)}</p>" for note in diagnosis.notes),
     ]
     if diagnosis.causes:
@@ -46,7 +32,7 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
     if diagnosis.measured:
         parts += ["<h2>Measured</h2>", _measured(diagnosis)]
     if diagnosis.recipe is not None:
-        parts += ["<h2>Recipe</h2>", f"<pre>{given(recipe_file(diagnosis))}</pre>"]
+        parts += ["<h2>Recipe</h2>", f"<pre tabindex=0>{given(recipe_file(diagnosis))}</pre>"]
     failures = [one for one in evaluation.rollouts if not one.success]
     if failures and reference is not None:
         parts += _recorded(failures, reference)
@@ -59,7 +45,7 @@ def page(diagnosis: Diagnosis, evaluation: Evaluation, reference: Reference | No
             f"{given(who)}: {given(str(cost))}" for who, cost in diagnosis.usage.items()
         )
         parts.append(f"<h2>Cost</h2><p>{used}</p>")
-    return visible("\n".join(parts) + "</html>\n").encode()
+    return document.document("rpaug diagnosis", "\n".join(parts))
 
 
 def recipe_file(diagnosis: Diagnosis) -> str:
@@ -81,14 +67,14 @@ def _causes(causes: Sequence[Cause]) -> str:
         for one in causes
     )
     head = "<tr><th>factor<th class=n>confidence<th class=n>fails<th>what<th>remedy"
-    return f"<div class=wide><table>{head}{'<th>named in' if named else ''}{rows}</table></div>"
+    return f"<div class=scroll tabindex=0><table>{head}{'<th>named in' if named else ''}{rows}</table></div>"
 
 
 def _measured(diagnosis: Diagnosis) -> str:
     most = max((abs(one.effect) for one in diagnosis.measured), default=1) or 1
     rows = "".join(
         f"<tr><td>{one.factor}<td class=n>{one.failed:.1f}<td class=n>{one.succeeded:.1f}"
-        f"<td class=n>{one.effect:+.2f} <span class=scale><span class=bar "
+        f"<td class=n>{one.effect:+.2f} <span class=scale><span class=level "
         f"style='width:{60 * max(0, one.effect) / most:.0f}px'></span></span>"
         f"<td class=n>{one.threshold:.1f}<td class=n>{100 * one.exposed:.0f} %<td class=n>{100 * one.spared:.0f} %"
         f"<td class=n>{one.gain:.1f}<td class=n>{one.confidence:.2f}"
@@ -99,7 +85,7 @@ def _measured(diagnosis: Diagnosis) -> str:
     return (
         "<p>Distance from the training recordings, in their standard deviations (medians); the effect is Cliff's "
         "delta; rates are of failures beyond and within the threshold.</p>"
-        f"<div class=wide><table><tr><th>factor{head}{rows}</table></div>"
+        f"<div class=scroll tabindex=0><table><tr><th>factor{head}{rows}</table></div>"
     )
 
 
@@ -112,7 +98,7 @@ def _frames(
 ) -> list[str]:
     shown = "" if len(rollouts) == count else f", {len(rollouts)} shown"
     return [
-        f"<h2>{title}: {count}{shown}</h2><div class=frames>",
+        f"<h2>{title}: {count}{shown}</h2><div class=views>",
         *(_figure(one, diagnosis.key_frames.get(one.name, ()), reference) for one in rollouts),
         "</div>",
     ]
@@ -125,7 +111,7 @@ def _recorded(rollouts: Sequence[Rollout], reference: Reference) -> list[str]:
         return []
     firsts = [one.image for one in reference.plates[camera].firsts[:MOST_RECORDINGS]]
     stated = f"{camera}, first frames of {len(firsts)} recordings"
-    return ["<h2>Recorded</h2><div class=frames>", _strip("recordings", stated, firsts), "</div>"]
+    return ["<h2>Recorded</h2><div class=views>", _strip("recordings", stated, firsts), "</div>"]
 
 
 def _figure(rollout: Rollout, frames: Sequence[int], reference: Reference | None) -> str:
@@ -143,11 +129,7 @@ def _strip(name: str, stated: str, images: Sequence[UInt8[np.ndarray, "h w 3"]])
     row = np.concatenate(
         [np.pad(_tile(one), ((0, 0), (0, 4), (0, 0)), constant_values=255) for one in images], 1
     )
-    source = pictures.embedded(row, side=max(row.shape))
-    return (
-        f"<figure><img alt='{html.escape(name, quote=True)}' src='{source}'>"
-        f"<figcaption>{html.escape(stated)}</figcaption></figure>"
-    )
+    return document.figure(document.png(row), name, stated)
 
 
 def _tile(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:

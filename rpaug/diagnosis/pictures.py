@@ -22,10 +22,10 @@ def camera_of(rollout: Rollout, reference: Reference | None) -> str:
     return (shared or sorted(rollout.shots))[0]
 
 
-def embedded(image: UInt8[np.ndarray, "h w 3"], side: int = SIDE) -> str:
+def embedded(image: UInt8[np.ndarray, "h w 3"]) -> str:
     """The picture as a data URL."""
     h, w = image.shape[:2]
-    scale = side / max(h, w)
+    scale = SIDE / max(h, w)
     if scale < 1:
         size = (max(1, round(w * scale)), max(1, round(h * scale)))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)

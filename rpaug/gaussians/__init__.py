@@ -12,6 +12,7 @@ __all__ = [
     "flowing",
     "frame_fit",
     "frame_residuals",
+    "gaussian_files",
     "gaussian_view",
     "gaussians",
     "harmonics",

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rpaug.core.errors import BadInput
-from rpaug.core.files import read_bytes, write_atomic
+from rpaug.core.files import read_bytes
 from rpaug.core.types import Gaussians
 
 NEARLY_ONE = 1e-6  # opacities are kept this far from 0 and 1, where a logit is infinite
@@ -28,16 +28,6 @@ def _layout(bands: int) -> np.dtype:
     floats += [f"f_rest_{i}" for i in range(3 * (bands - 1))]
     floats += ["opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4))]
     return np.dtype([(name, "<f4") for name in floats] + [("id", "<i4")])
-
-
-def write(path: Path, gaussians: Gaussians) -> None:
-    """Write Gaussians as they are: place them in the world first (`gaussians.placed`). Atomic.
-
-    Raises BadInput if `path` exists.
-    """
-    if path.exists():
-        raise BadInput(path, "output", found="something there already", expected="a new file")
-    write_atomic(path, encoded(gaussians))
 
 
 def encoded(gaussians: Gaussians) -> bytes:

@@ -1,4 +1,14 @@
 """HTML pages that need nothing beside them: contact sheet, an episode's instances, the preview; one stylesheet. And an
 episode in space, for viewers."""
 
-__all__ = ["contact", "instances", "live", "preview", "rerun_file", "serve", "space", "told"]
+__all__ = [
+    "contact",
+    "document",
+    "instances",
+    "live",
+    "preview",
+    "rerun_file",
+    "serve",
+    "space",
+    "told",
+]

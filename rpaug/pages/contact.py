@@ -55,7 +55,7 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
         f"{facts(_facts(summary))}"
         f"<p class=soft>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
         f"{''.join(parts)}"
-        f"<h2>Recipe</h2><details><summary>as YAML</summary><pre>{_yaml(summary['recipe'])}</pre></details>"
+        f"<h2>Recipe</h2><details><summary>as YAML</summary><pre tabindex=0>{_yaml(summary['recipe'])}</pre></details>"
     )
     write_atomic(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
     return target / report.CONTACT_SHEET
@@ -105,7 +105,7 @@ def _section(
         f"<h2>{html.escape(key)}</h2><p>“{html.escape(after.instruction)}”, copy {described['copy']} of "
         f"{html.escape(described['source'])}</p><ul class=told>{words or '<li>nothing was drawn'}</ul>"
         f"<div class=views>{''.join(figures)}</div>"
-        f"<details><summary>drawn values as JSON</summary><pre>{html.escape(drawn)}</pre></details>"
+        f"<details><summary>drawn values as JSON</summary><pre tabindex=0>{html.escape(drawn)}</pre></details>"
     )
 
 

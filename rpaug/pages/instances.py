@@ -27,7 +27,7 @@ def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[Instance
         f"{facts(_facts(described, rows))}"
         f"{''.join(f'<p class=bad>{given(words)}</p>' for words in notes)}"
         f"<div class=views>{''.join(_views(episode, names))}</div>"
-        f"{_roles(described)}<h2>Instances</h2><div class=scroll><table><tr><th><th>handle<th>role<th>color"
+        f"{_roles(described)}<h2>Instances</h2><div class=scroll tabindex=0><table><tr><th><th>handle<th>role<th>color"
         "<th>size, cm<th>motion<th>residual, mm<th>seen in frames</tr>"
         f"{''.join(_row(episode, row, names[row.instance_id][1]) for row in rows)}</table></div>"
         f"<h2>Cameras</h2><ul class=told>{''.join(_cameras(described))}</ul>"

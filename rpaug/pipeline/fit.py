@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rpaug.core.errors import BadInput
 from rpaug.core.types import Episode, Scene
-from rpaug.gaussians import cached, fit_static_rgb, ply, store
+from rpaug.gaussians import cached, fit_static_rgb, gaussian_files, store
 from rpaug.gaussians.descent import FitSettings
 from rpaug.gaussians.gaussians import placed
 from rpaug.pipeline import prepare
@@ -26,14 +25,14 @@ def fit_episode(
     donor: Episode | None = None,
     files: Sequence[Path] = (),
 ) -> dict[str, Any]:
-    """Fit, store under `folder`, export to `.ply` if asked, and return plain values.
+    """Fit, store under `folder`, export to `.ply` or `.spz` if asked, and return plain values.
 
     A scene that the store has already is not fitted again. `founder` lends its static Gaussians; `files` are URDF or
     MJCF files of arms. A video of a moving camera is fitted by its own rules (docs/video.md), whatever `settings` say.
-    Raises BadInput if the export exists, Unsupported for a video without a model.
+    Raises BadInput if the export exists or ends otherwise, Unsupported for a video without a model.
     """
-    if export is not None and export.exists():
-        raise BadInput(export, "--ply", found="something there already", expected="a new path")
+    if export is not None:
+        gaussian_files.check(export)
     if reconstruct.unplaced(episode):
         return _fit_video(episode, folder, export)
     settings = settings or FitSettings()
@@ -67,8 +66,8 @@ def fit_episode(
     if given := arms.misfits(files, episode.robot):
         described["warnings"] = list(given)
     if export is not None:
-        ply.write(export, placed(made, t=0))
-        described["ply"] = str(export)
+        gaussian_files.write(export, placed(made, t=0))
+        described["file"] = str(export)
     return described
 
 
@@ -84,6 +83,6 @@ def _fit_video(episode: Episode, folder: Path, export: Path | None) -> dict[str,
         "film": found.describe(), **facts,
     }  # fmt: skip
     if export is not None:
-        ply.write(export, placed(made, t=0))
-        described["ply"] = str(export)
+        gaussian_files.write(export, placed(made, t=0))
+        described["file"] = str(export)
     return described

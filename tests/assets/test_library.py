@@ -21,7 +21,7 @@ from rpaug.assets.shipped import THINGS
 from rpaug.cli import app
 from rpaug.core.errors import BadInput, TargetError
 from rpaug.core.types import Gaussians
-from rpaug.gaussians import ply
+from rpaug.gaussians import gaussian_files
 
 
 @pytest.fixture(autouse=True)
@@ -278,7 +278,7 @@ def test_gaussians_become_squares_of_their_color(tmp_path):
         means, np.tile(np.float32([1, 0, 0, 0]), (count, 1)), np.tile(np.float32([0.01, 0.01, 0.001]), (count, 1)),
         np.full(count, 0.9, np.float32), sh, np.zeros(count, np.int32),
     )  # fmt: skip
-    ply.write(tmp_path / "cloud.ply", gaussians)
+    gaussian_files.write(tmp_path / "cloud.ply", gaussians)
     thing, _ = reading.read(tmp_path / "cloud.ply")
     assert len(thing.faces) == 2 * count
     np.testing.assert_allclose(np.abs(thing.normals[:, 2]), 1, atol=1e-6)

@@ -11,7 +11,7 @@ from clouds import some
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Scene
-from rpaug.gaussians import gaussian_view, gaussians, ply, semantic
+from rpaug.gaussians import gaussian_files, gaussian_view, gaussians, semantic
 from rpaug.gaussians.seeds import seeds
 
 
@@ -22,7 +22,7 @@ def test_an_exported_scene_comes_back(
     scene = replace(placed[1], gaussians=seeds(placed[1]))
     world = gaussians.placed(scene, 16)  # the block is in the air
     ids = world.ids if named else np.zeros_like(world.ids)
-    ply.write(tmp_path / "a.ply", replace(world, ids=ids))
+    gaussian_files.write(tmp_path / "a.ply", replace(world, ids=ids))
     made = semantic.from_ply(placed[1], tmp_path / "a.ply", t=16)
     assert made.gaussians is not None
     assert scene.gaussians is not None

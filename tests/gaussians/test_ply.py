@@ -9,13 +9,13 @@ import trimesh
 from clouds import some
 
 from rpaug.core.errors import BadInput
-from rpaug.gaussians import ply
+from rpaug.gaussians import gaussian_files, ply
 
 
 @pytest.mark.parametrize("bands", [1, 4, 9, 16])
 def test_there_and_back(tmp_path: Path, bands: int) -> None:
     before = some(50, bands)
-    ply.write(tmp_path / "a.ply", before)
+    gaussian_files.write(tmp_path / "a.ply", before)
     after = ply.read(tmp_path / "a.ply")
     for name in ("means", "quats", "sh", "ids"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
@@ -25,7 +25,7 @@ def test_there_and_back(tmp_path: Path, bands: int) -> None:
 
 def test_a_reader_made_of_struct_finds_the_3dgs_layout(tmp_path: Path) -> None:
     gaussians = some(3, 4)
-    ply.write(tmp_path / "a.ply", gaussians)
+    gaussian_files.write(tmp_path / "a.ply", gaussians)
     header, body = (tmp_path / "a.ply").read_bytes().split(b"end_header\n", 1)
     names = [
         line.split()[-1] for line in header.decode().splitlines() if line.startswith("property")
@@ -47,7 +47,7 @@ def test_a_reader_made_of_struct_finds_the_3dgs_layout(tmp_path: Path) -> None:
 
 def test_trimesh_opens_it(tmp_path: Path) -> None:
     gaussians = some(40)
-    ply.write(tmp_path / "a.ply", gaussians)
+    gaussian_files.write(tmp_path / "a.ply", gaussians)
     cloud = trimesh.load(tmp_path / "a.ply")
     assert len(cloud.vertices) == 40
     np.testing.assert_allclose(cloud.bounds[0], gaussians.means.min(0), rtol=1e-6)
@@ -55,14 +55,14 @@ def test_trimesh_opens_it(tmp_path: Path) -> None:
 
 
 def test_nothing_is_a_file_too(tmp_path: Path) -> None:
-    ply.write(tmp_path / "a.ply", some(0))
+    gaussian_files.write(tmp_path / "a.ply", some(0))
     assert len(ply.read(tmp_path / "a.ply")) == 0
 
 
 def test_files_in_the_way_are_kept(tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_text("mine")
     with pytest.raises(BadInput, match="already"):
-        ply.write(tmp_path / "a.ply", some(2))
+        gaussian_files.write(tmp_path / "a.ply", some(2))
     assert (tmp_path / "a.ply").read_text() == "mine"
 
 

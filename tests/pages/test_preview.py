@@ -127,13 +127,3 @@ def test_a_browser_shows_it(page: bytes, tmp_path: Path, width: int) -> None:
     assert "copy 1" in out["first"]
     assert "copy 2" in out["next"]
     assert "blue" in out["drawn"]
-
-
-@needs_chromium
-@pytest.mark.skipif(not browser.AXE, reason=browser.WHY_NO_AXE)
-def test_axe_has_no_serious_findings(page: bytes, tmp_path: Path) -> None:
-    with_axe = page + b"<script>" + Path(browser.AXE).read_bytes() + b"</script>"
-    script = f"""{SETTLED}const found=await axe.run();
-    const bad=found.violations.filter((v)=>['serious','critical'].includes(v.impact));
-    return bad.map((v)=>v.id+': '+v.nodes[0].html)"""
-    assert browser.run(with_axe, script, tmp_path) == []

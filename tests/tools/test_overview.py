@@ -1,0 +1,41 @@
+"""README's table says what the committed results say, for operators that there are."""
+
+import re
+
+from rpaug.core import registry
+from tools.bench.harness import pages
+from tools.docs import overview
+
+
+def test_the_table_in_readme_is_made_from_the_results() -> None:
+    assert overview.table() in overview.README.read_text(), "run python -m tools.docs.overview"
+
+
+def test_a_cell_says_the_figure_of_its_page_and_the_word_of_its_size() -> None:
+    cell = overview.Measured("appearance", "ten", "table_color", "estimated")
+    (table,) = (one for one in pages.load("appearance").tables if one.id == "ten")
+    shown = pages.plain(table.find("table_color", "estimated"))
+    assert str(cell) == f"**exact** [{shown} dB](docs/benchmarks/appearance.md)"
+    words = {
+        float(x): word for word, x in re.findall(r"\*\*(\w+)\*\* \[([\d.]+) dB", overview.table())
+    }
+    assert len(words) > 15
+    for value, word in words.items():
+        assert (word == "exact") == (value >= 40)
+        assert (word == "rough") == (value < 28)
+
+
+def test_several_rows_have_their_median_and_a_refusal_no_part_in_it() -> None:
+    rows = ("open_drawer", "pick_block", "push_button", "slide_block")  # the first is refused
+    cell = overview.Measured("rgb_only", "twin", rows, "inside, dB (unedited)")
+    (table,) = (one for one in pages.load("rgb_only").tables if one.id == "twin")
+    figures = sorted(float(pages.plain(table.find(r, cell.column)).split()[0]) for r in rows[1:])
+    assert cell.value(cell.column) == figures[1]
+
+
+def test_every_row_is_an_operator_and_what_needs_depth_is_refused_without() -> None:
+    assert set(overview.ROWS) <= set(registry.operator_names())
+    for name, cells in overview.ROWS.items():
+        assert len(cells) == len(overview.COLUMNS)
+        if registry.operator(name).needs.depth:
+            assert cells[-1] == overview.NO

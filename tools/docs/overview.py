@@ -1,0 +1,180 @@
+"""README's table of how near each edit comes to the truth, by what a dataset records.
+
+    python -m tools.docs.overview [--check]
+
+Every figure is one of docs/benchmarks/results; the words follow from the figures by `WORDS`. The table stands in README
+between `<!-- overview -->` and `<!-- end -->`. --check writes nothing and fails if it is stale. `tools.docs.site` puts
+an operator's row on its page.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from tools.bench.harness import pages
+
+README = pages.DOCS.parent / "README.md"
+WORDS = ((40, "exact"), (28, "good"), (-100, "rough"))  # from so many dB in the changed region on
+PLACE = re.compile(r"(<!-- overview -->\n).*?(<!-- end -->)", re.DOTALL)
+COLUMNS = (
+    "depth and masks",
+    "the same, in worlds rpaug was not built on",
+    "color alone",
+)
+FORMATS = (
+    "`rlbench`, `hdf5_sim`; `rlds`, `rdt`, `lerobot`, `droid` with depth, where instances are found by motion",
+    "Meta-World, robosuite, Gymnasium's Fetch",
+    "`rlds`, `rdt`, `lerobot`, `droid`, `video`",
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures of some rows of a committed table, in one column; their median if several."""
+
+    topic: str
+    table: str
+    rows: str | Sequence[str]
+    column: str
+    note: str = ""
+    beside: str = ""  # the column of the best edit of each image alone
+
+    def value(self, column: str) -> float:
+        """The figure; a row without one ("refused") has no part in it."""
+        tables = {table.id: table for table in pages.load(self.topic).tables}
+        names = [self.rows] if isinstance(self.rows, str) else self.rows
+        cells = [pages.plain(tables[self.table].find(name, column)) for name in names]
+        return median(float(found[0]) for cell in cells if (found := re.match(r"[\d.]+", cell)))
+
+    def __str__(self) -> str:
+        value = self.value(self.column)
+        word = next(word for bound, word in WORDS if value >= bound)
+        link = f"[{value:.1f} dB](docs/benchmarks/{self.topic}.md)"
+        beside = f" (2D {self.value(self.beside):.1f})" if self.beside else ""
+        return f"**{word}** {link}{beside}{', ' * bool(self.note)}{self.note}"
+
+
+@dataclass(frozen=True)
+class Said:
+    """A cell without a figure, and why."""
+
+    words: str
+
+    def __str__(self) -> str:
+        return self.words
+
+
+def recorded(factor: str) -> Measured:
+    """On the twin, nothing given: old colors and lamps estimated from the recording."""
+    baseline = "best 2D baseline, estimated"
+    return Measured("appearance", "ten", factor, "estimated", beside=baseline)
+
+
+def rejected() -> str:
+    """What becomes of moved cameras of foreign worlds, where the arm has no file."""
+    tables = {table.id: table for table in pages.load("cameras").tables}
+    share = pages.plain(tables["worked"].find("worked: 0.1 m, 0.05 rad", "rejected, %"))
+    return f"{share} % rejected without the arm's file"
+
+
+def foreign(factor: str) -> Measured:
+    """The same in other people's simulators."""
+    return Measured("foreign_edits", "edits-worked", f"worked: {factor}", "estimated, dB")
+
+
+def color_alone(what: str, note: str = "") -> Measured:
+    """On the twin with depth, masks and cameras hidden."""
+    return Measured("rgb_only", "whole", what, "inside, dB (unedited)", note)
+
+
+NO = Said("**no**: refused")
+OPEN = Said("not measured")
+TASKS = ("open_drawer", "pick_block", "push_button", "slide_block", "stack_cups", "put_in_box")
+ROWS: Mapping[str, Sequence[Measured | Said]] = {
+    "recolor": (
+        recorded("object_color (7 objects)"),
+        foreign("object_color"),
+        Measured("rgb_only", "twin", TASKS, "inside, dB (unedited)", "one task of six refused"),
+    ),
+    "retexture": (recorded("object_texture"), foreign("object_texture"), OPEN),
+    "table_color": (
+        recorded("table_color"),
+        foreign("table_color"),
+        color_alone("table, one refused", "one task of six refused"),
+    ),
+    "table_texture": (recorded("table_texture"), foreign("table_texture"), OPEN),
+    "background_texture": (
+        recorded("background_texture"),
+        foreign("background_texture"),
+        color_alone("background", "of its mean color"),
+    ),
+    "light_color": (recorded("light_color"), foreign("light_color"), color_alone("light's color")),
+    "light_direction": (recorded("light_direction"), foreign("light_direction"), NO),
+    "camera_pose": (
+        Measured("appearance", "ten", "camera_pose", "given", beside="best 2D baseline"),
+        Measured("cameras", "worked", "worked: 0.1 m, 0.05 rad", "all, dB", rejected()),
+        Said("**no**, without a model of depth"),
+    ),
+    "distractors": (
+        Measured("placing", "baselines", "distractor", "dB", beside="best baseline, dB"),
+        Measured("foreign_edits", "edits-worked", "worked: distractor", "given, dB"),
+        OPEN,
+    ),
+    "insert": (
+        Measured("placing", "insert", "mesh, harmonised", "color, worst dB", "worst of nine"),
+        OPEN,
+        OPEN,
+    ),
+    "object_size": (
+        Measured("placing", "baselines", "object_size", "dB", beside="best baseline, dB"),
+        OPEN,
+        NO,
+    ),
+    "remove": (
+        Measured(
+            "removing",
+            "surfels",
+            ("pick_block, cylinder", "stack_cups, marble block", "put_in_box, blue block"),
+            "never seen, dB",
+            "of what no camera saw",
+        ),
+        OPEN,
+        NO,
+    ),
+}
+
+
+def row(operator: str) -> str:
+    """One operator's row."""
+    return f"|[`{operator}`](docs/operators.md#{operator})|{'|'.join(map(str, ROWS[operator]))}|"
+
+
+def table(operators: Iterable[str] = tuple(ROWS)) -> str:
+    """The table of all operators, or of some."""
+    head = ("edit", *COLUMNS)
+    lines = (
+        f"|{'|'.join(head)}|",
+        f"|{'|'.join(['---'] * len(head))}|",
+        f"|*formats*|{'|'.join(FORMATS)}|",
+        *map(row, operators),
+    )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Write README's table, or say that it is stale."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing, fail if it is stale")
+    given = parser.parse_args()
+    text = README.read_text()
+    made = PLACE.sub(lambda found: found[1] + table() + found[2], text)
+    if not given.check:
+        README.write_text(made)
+    sys.exit(1 if given.check and made != text else 0)
+
+
+if __name__ == "__main__":
+    main()
