@@ -11,7 +11,12 @@ from rpaug.pipeline.run import Run
 
 EDITS = [
     {"op": "light_color"},
-    {"one_of": [{"op": "recolor", "target": {"handle": 999}, "color": "red"}, {"op": "table_color"}]},
+    {
+        "one_of": [
+            {"op": "recolor", "target": {"handle": 999}, "color": "red"},
+            {"op": "table_color"},
+        ]
+    },
 ]
 
 
@@ -24,7 +29,8 @@ def test_every_part_is_timed_once_and_what_cannot_be_made_is_named(template: Pat
     assert len(parts) == spent.FIXED + len(edits)
     assert [part.once for part in parts] == [True] * 4 + [False] * 5
     by_name = {part.part: part for part in parts}
-    assert "999" in by_name["recolor"].left_out and by_name["recolor"].seconds == 0
+    assert "999" in by_name["recolor"].left_out
+    assert by_name["recolor"].seconds == 0
     assert all(part.seconds > 0 for part in parts if part.part not in edits)
     once, copy = spent.sums(parts)
     assert once == sum(by_name[name].seconds for name in fixed[1:4])
@@ -40,4 +46,5 @@ def test_the_command_prints_a_table_or_json(template: Path, tmp_path: Path) -> N
     assert json.loads(done.stdout)["parts"][-1]["part"] == spent.WHOLE
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
-    assert "s a copy" in done.output and "not timed" in done.output
+    assert "s a copy" in done.output
+    assert "not timed" in done.output
