@@ -17,7 +17,7 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.lighting import intrinsic
+from rpaug.scene.lighting import highlights, intrinsic
 from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
@@ -131,7 +131,8 @@ def _composited(scene: Scene, name: str, pool: Pooled, watch: Watch) -> CameraVi
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
-        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light)
+        shine = partial(highlights.on, scene, view, t) if view.depth and ids is not None else None
+        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
@@ -200,7 +201,10 @@ def _finished(
         known = intrinsic.share(scene, name, t) if pool and view.ids else None
         return None if known is None or not view.ids else np.where(ids == view.ids(t), known, 1)
 
-    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
+    view = scene.episode.views[name]
+    still = pool is not None and view.depth is not None and scene.recorded_bodies is None
+    shine = partial(highlights.on, scene, view, t) if still else None
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
     recorded, radiance = scene.episode.views[name], None
     if pool and recorded.radiance:
         same = (rgb == recorded.rgb(t)).all(-1, keepdims=True)

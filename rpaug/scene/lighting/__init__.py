@@ -5,10 +5,12 @@ __all__ = [
     "ambience",
     "casting",
     "gamut",
+    "highlights",
     "intrinsic",
     "irradiance",
     "light",
     "rig",
     "shading",
     "shadows",
+    "two_views",
 ]

@@ -21,6 +21,13 @@ EXTENT = 2.0  # standard deviations of a Gaussian that its one color stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
 Light = Callable[[], Float32[np.ndarray, "h w"] | None] | None
+Shine = (
+    Callable[
+        [Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Int32[np.ndarray, "n"]],
+        Float32[np.ndarray, "n 3"] | None,
+    ]
+    | None
+)
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,8 @@ class PixelSurface:
     """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
 
     `pool` says what other frames of the same camera showed beside them, None for this one alone; `light` is an image
-    of `lit.share`, or None where nothing tells.
+    of `lit.share`, or None where nothing tells; `shine` gives what points, normals and instance ids in the world show
+    mirrored.
     """
 
     rows: Int[np.ndarray, "n"]
@@ -39,6 +47,7 @@ class PixelSurface:
     bodies: Sequence[Body]
     pool: Callable[[], Pool] | None = None
     light: Light = None
+    shine: Shine = None
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
@@ -67,6 +76,13 @@ class PixelSurface:
             np.ones(len(self.rows), np.float32) if light is None else light.reshape(-1)[self.rows]
         )
 
+    @property
+    def mirrored(self) -> Float32[np.ndarray, "n 3"] | None:
+        if self.shine is None:
+            return None
+        points, facing, _ = self._in_world
+        return self.shine(points, facing, self.ids)
+
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         depth = np.nan_to_num(self.depth(), posinf=0.0, neginf=0.0)
@@ -94,6 +110,7 @@ def of_view(
     ids: Int32[np.ndarray, "h w"] | None,
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
+    shine: Shine = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
@@ -104,7 +121,7 @@ def of_view(
             raise SourceLacks("this edit needs recorded depth, and this source has none")
         return known
 
-    return of_image(depth, ids, view.camera, t, bodies, pool, light)
+    return of_image(depth, ids, view.camera, t, bodies, pool, light, shine)
 
 
 def depth_of(view: CameraView, t: int) -> Float32[np.ndarray, "h w"] | None:
@@ -122,10 +139,13 @@ def of_image(
     bodies: Sequence[Body],
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
+    shine: Shine = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
     instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
-    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies, pool, light)
+    return lambda rows: PixelSurface(
+        rows, depth, instance_ids, camera, t, bodies, pool, light, shine
+    )
 
 
 @dataclass(frozen=True)
@@ -161,6 +181,10 @@ class GaussianSurface:
     @property
     def lit(self) -> Float32[np.ndarray, "n"]:
         return np.ones(len(self.rows), np.float32)
+
+    @property
+    def mirrored(self) -> None:
+        return None
 
     @cached_property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
