@@ -17,7 +17,7 @@ from rpaug.core.types import CameraView, Episode, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.lighting import grain, intrinsic
+from rpaug.scene.lighting import grain, highlights, intrinsic
 from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
@@ -140,7 +140,9 @@ def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> 
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
-        surfaces = surface.of_view(view, t, scene.bodies, ids, stood.pool if stood else None, light)
+        shine = partial(highlights.on, scene, view, t) if view.depth and ids is not None else None
+        pool = stood.pool if stood else None
+        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
         image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
@@ -209,9 +211,12 @@ def _finished(
     if made is not None:
         rgb = made.onto(scene.episode.views[name].rgb(t), before[0], rgb, hole)
 
+    view = scene.episode.views[name]
     light = partial(_light, scene, name, t, ids) if stood else None
+    still = stood and view.depth is not None and scene.recorded_bodies is None
+    shine = partial(highlights.on, scene, view, t) if still else None
     pool = stood.pool if stood else None
-    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light)
+    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
     recorded, radiance = scene.episode.views[name], None
     if stood and recorded.radiance:
         same = (rgb == recorded.rgb(t)).all(-1, keepdims=True)

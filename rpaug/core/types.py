@@ -330,8 +330,9 @@ class Surface(Protocol):
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
     vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
     metres that one pixel covers on the surface. `ids` are instance ids. `lit` is the share of its light that a place
-    has now, of that which it was recorded in at other times, 1 where nothing tells. Raises Unsupported where a source
-    has no depth to tell it from.
+    has now, of that which it was recorded in at other times, 1 where nothing tells. `mirrored` is the part of a color
+    that is a highlight, nan where nothing tells, None without any. Raises Unsupported where a source has no depth to
+    tell it from.
     """
 
     @property
@@ -346,6 +347,8 @@ class Surface(Protocol):
     def footprint(self) -> Float32[np.ndarray, "n"]: ...
     @property
     def lit(self) -> Float32[np.ndarray, "n"]: ...
+    @property
+    def mirrored(self) -> Float32[np.ndarray, "n 3"] | None: ...
 
 
 class Appearance(Protocol):

@@ -12,7 +12,7 @@ from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
-from rpaug.scene.lighting import albedo, gamut, shading
+from rpaug.scene.lighting import albedo, gamut, intrinsic, shading
 from rpaug.scene.targets import agreement, targets
 
 
@@ -22,9 +22,9 @@ class AlbedoRatio:
 
     Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue).
     What a pixel has beside that, texture's hues and noise, is scaled with its channel, but never up: where the old
-    albedo returns little light it is noise and mirrored light rather than texture. On a plain surface, or one
-    of a few `hues`, the part of a pixel that is white rather than albedo is its highlight (dichromatic model, Shafer
-    1985) and stays. Of a `part` only the pixels of these hues are painted.
+    albedo returns little light it is noise and mirrored light rather than texture. Highlights stay where the surface is
+    known to mirror; else, on a plain surface or one of a few `hues`, what of a pixel is white rather than albedo
+    (dichromatic model, Shafer 1985). Of a `part` only the pixels of these hues are painted.
     """
 
     instance_ids: frozenset[int]
@@ -44,9 +44,7 @@ class AlbedoRatio:
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
-        highlight = (
-            albedo.highlight(color, old) if self.plain else albedo.highlights(color, self.hues)
-        )
+        highlight = albedo.shine(color, surface, old, self.plain, self.hues)
         matte = color - highlight
         shading = matte @ old / max(float(old @ old), 1e-6)
         gain = np.minimum(new / np.maximum(old, np.float32(1e-6)), 1)
@@ -138,7 +136,7 @@ class Recolor(Operator):
         if self.only is not None:
             word = color_space.canonical(self.only) or self.only
             found = shading.paintable(
-                instance_ids, lambda one: albedo.part(scene.episode, one, word)
+                instance_ids, lambda one: albedo.part(intrinsic.unshadowed(scene), one, word)
             )
             return {"color": self._drawn(scene, rng, taken), **found}
         described = shading.describe(scene, instance_ids, self.albedo)

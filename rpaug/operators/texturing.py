@@ -95,10 +95,7 @@ class Textured:
     ) -> Float32[np.ndarray, "n 3"]:
         new = self._albedo(surface)
         old = np.array(self.old, np.float32)
-        if self.plain and self.smooth is None:
-            highlight = albedo.highlight(color, old)
-        else:
-            highlight = np.zeros((len(color), 1), np.float32)
+        highlight = albedo.shine(color, surface, old, self.plain and self.smooth is None)
         shade = (color - highlight) @ old / max(float(old @ old), 1e-4)
         if self.smooth is not None:
             lit = surface.lit

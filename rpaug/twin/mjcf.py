@@ -14,6 +14,7 @@ from rpaug.twin.look import LAMPS, Extra, Look, TwinLamp
 from rpaug.twin.world import WHITE, Flex, Geom, Part, Print, TwinBody, World
 
 SKIN = 0.0015  # metres: half the thickness of a sheet
+SHINE = 1.2  # times its diffuse color: what a lamp's highlights show
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
 
 
@@ -158,7 +159,7 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
         ),  # inside the walls, which cast no shadow on the table
         dir=_text(-source),
         diffuse=_text(look.light),
-        specular="0.6 0.6 0.6" if look.specular else "0 0 0",
+        specular=_text(np.multiply(SHINE, look.light) if look.specular else np.zeros(3)),
         castshadow="true" if look.shadows else "false",
     )
 

@@ -15,6 +15,8 @@ from rpaug.twin import mjcf
 from rpaug.twin.look import Look
 from rpaug.twin.world import World
 
+QUADS = 16  # a side of a box, where highlights are drawn
+
 Frame = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.ndarray, "h w"]]
 
 
@@ -56,6 +58,7 @@ class Renderer:
         self._color = self._buffer(4 if look.antialias else 0)
         # Depth and ids must name one surface per pixel, so they never share a multisampled buffer.
         self._exact = self._buffer(0) if look.antialias else self._color
+        self._shine = self._shine_buffer(4 if look.antialias else 0) if look.specular else None
         self._rgb = np.empty((size, size, 3), np.uint8)
         self._depth = np.empty((size, size), np.float32)
 
@@ -97,12 +100,21 @@ class Renderer:
         """Free the OpenGL context."""
         self._color.free()
         self._exact.free()
+        if self._shine is not None:
+            self._shine.free()
         self._gl.free()
 
     def _buffer(self, samples: int) -> mujoco.MjrContext:
         self.model.vis.quality.offsamples = samples
         context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        return context
+
+    def _shine_buffer(self, samples: int) -> mujoco.MjrContext:
+        """One whose boxes have finer sides: highlights are worked out at their corners."""
+        coarse, self.model.vis.quality.numquads = self.model.vis.quality.numquads, QUADS
+        context = self._buffer(samples)
+        self.model.vis.quality.numquads = coarse
         return context
 
     def _aim(self, camera: Camera, t: int, near: float, far: float) -> None:
@@ -122,8 +134,36 @@ class Renderer:
         mujoco.mjr_render(self._whole, self._scene, context)
 
     def _draw_color(self) -> UInt8[np.ndarray, "h w 3"]:
-        self._draw(self._color)
-        mujoco.mjr_readPixels(self._rgb, None, self._whole, self._color)
+        """Matte light and highlights apart, and then their sum: OpenGL would lay a surface's picture over both."""
+        if self._shine is None:
+            return self._drawn(self._color)
+        lights = list(self._scene.lights[: self._scene.nlight])
+        kept = [(one.ambient.copy(), one.diffuse.copy(), one.specular.copy()) for one in lights]
+        for one in lights:
+            one.specular[:] = 0
+        matte = self._drawn(self._color)
+        for one, (_, _, specular) in zip(lights, kept, strict=True):
+            one.ambient[:] = one.diffuse[:] = 0
+            one.specular[:] = specular
+        shine = self._mirrored(self._shine)
+        for one, (ambient, diffuse, _) in zip(lights, kept, strict=True):
+            one.ambient[:], one.diffuse[:] = ambient, diffuse
+        return np.minimum(matte.astype(np.uint16) + shine, 255).astype(np.uint8)
+
+    def _mirrored(self, context: mujoco.MjrContext) -> UInt8[np.ndarray, "h w 3"]:
+        """The lamps' highlights alone, of the lamps' color: no picture is laid over them."""
+        geoms = list(self._scene.geoms[: self._scene.ngeom])
+        kept = [one.matid for one in geoms]
+        for one in geoms:
+            one.matid = -1
+        drawn = self._drawn(context)
+        for one, matid in zip(geoms, kept, strict=True):
+            one.matid = matid
+        return drawn
+
+    def _drawn(self, context: mujoco.MjrContext) -> UInt8[np.ndarray, "h w 3"]:
+        self._draw(context)
+        mujoco.mjr_readPixels(self._rgb, None, self._whole, context)
         return self._rgb[::-1].copy()
 
     def _draw_surfaces(

@@ -2,6 +2,7 @@
 
 import colorsys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from rpaug.scene.targets.targets import Target
 UNIT = st.floats(0.15, 1.0)
 COLOR = st.tuples(UNIT, UNIT, UNIT)
 HUE = st.floats(0, 360, exclude_max=True)  # degrees; 360 is 0
+MATTE = SimpleNamespace(mirrored=None)
 
 
 def small() -> Scene:
@@ -54,7 +56,7 @@ def test_what_was_never_recorded_has_no_color_to_change() -> None:
 def edited(old, new, plain: bool = True):  # type: ignore[no-untyped-def]
     """The repainting as a function of color alone: it does not ask where a pixel lies."""
     ratio = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), plain)
-    return lambda color: ratio(color, None)
+    return lambda color: ratio(color, MATTE)
 
 
 def test_noise_is_never_scaled_up() -> None:
@@ -74,7 +76,7 @@ def test_each_part_of_a_thing_of_two_colors_keeps_its_highlight() -> None:
     assert not found.plain
     assert len(found.hues) == 2
     paint = AlbedoRatio(frozenset({1}), (1.0, 1.0, 1.0), tuple(new), False, found.hues)
-    out = paint((matte + shine).astype(np.float32), None)
+    out = paint((matte + shine).astype(np.float32), MATTE)
     assert np.abs(out - np.clip(new * matte + shine, 0, 1)).max() < 0.01
 
 
@@ -227,3 +229,13 @@ def test_two_things_of_one_copy_are_told_apart_by_color() -> None:
     operator = Recolor(target=Target(handle=BALL), color=Palette((green, red)))
     assert all(operator.sample(painted, rng)["color"] == list(red) for _ in range(8))
     assert Palette((green,)).draw(rng, [lime]) == list(green)  # what was asked for by name stays
+
+
+def test_known_highlights_of_grey_surfaces_stay_and_unknown_ones_go_by_hue() -> None:
+    grey, blue = (0.5, 0.5, 0.5), (0.1, 0.2, 0.8)
+    color = np.array([[0.7, 0.7, 0.7], [0.7, 0.7, 0.7]], np.float32)
+    mirrored = np.array([[0.2, 0.2, 0.2], [np.nan] * 3], np.float32)
+    paint = AlbedoRatio(frozenset({1}), grey, blue, True)
+    known, unknown = paint(color, SimpleNamespace(mirrored=mirrored))  # type: ignore[arg-type]
+    np.testing.assert_allclose(known, np.add(blue, 0.2), atol=1e-5)
+    np.testing.assert_allclose(unknown, np.multiply(blue, 1.4).clip(0, 1), atol=1e-5)

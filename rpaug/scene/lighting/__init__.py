@@ -6,10 +6,12 @@ __all__ = [
     "casting",
     "gamut",
     "grain",
+    "highlights",
     "intrinsic",
     "irradiance",
     "light",
     "rig",
     "shading",
     "shadows",
+    "two_views",
 ]

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from rpaug.core import color_space, memo, sampling
 from rpaug.core.errors import TargetError, Unsupported
-from rpaug.core.types import Episode
+from rpaug.core.types import Episode, Surface
 
 LEAST_PIXELS = 8
 BLACK = 0.01  # an albedo below this shows no shading above the images' rounding
@@ -235,6 +235,21 @@ def _estimated(episode: Episode, instance_id: int) -> Albedo:
 def cut_off_known(episode: Episode) -> bool:
     """Whether every camera tells what lies beyond white."""
     return all(view.radiance is not None for view in episode.views.values())
+
+
+def shine(
+    color: Float32[np.ndarray, "n 3"],
+    surface: Surface,
+    old: Float32[np.ndarray, "3"],
+    plain: bool,
+    hues: Sequence[Rgb] = (),
+) -> Float32[np.ndarray, "n 3"] | Float32[np.ndarray, "n 1"]:
+    """The part of each color that is a highlight: what the surface is known to mirror, else what its hues tell."""
+    by_hue = highlight(color, old) if plain else highlights(color, hues)
+    known = surface.mirrored
+    if known is None:
+        return by_hue
+    return np.where(np.isnan(known), by_hue, np.minimum(known, color))
 
 
 def highlight(

@@ -13,7 +13,7 @@ from jaxtyping import Float32, Float64, Int64
 from rpaug.core import geometry, sampling
 from rpaug.core.jit import kernel
 from rpaug.core.memo import once
-from rpaug.core.types import CameraView, Scene
+from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.recorded import pooled, surface
 
 FRAMES = 6
@@ -62,7 +62,7 @@ def casters(scene: Scene) -> Casters:
     walls = np.array(sorted(scene.roles.get("background", ())), np.int32)
     found: dict[int, tuple[np.ndarray, list[Discs]]] = {}
     for t in sampling.frames(scene.episode.length, FRAMES):
-        for view in known(scene):
+        for view in known(scene.episode):
             ids, discs = discs_of(view, t, every(view))
             for one in np.unique(ids).tolist():
                 if one == 0 or one in walls:
@@ -79,9 +79,9 @@ def casters(scene: Scene) -> Casters:
     return Casters(tuple((track, thinned(joined(parts), GRAIN)) for track, parts in found.values()))
 
 
-def known(scene: Scene) -> Iterator[CameraView]:
+def known(episode: Episode) -> Iterator[CameraView]:
     """Views that tell where what they show lies, and what it is."""
-    return (v for v in scene.episode.views.values() if v.depth is not None and v.ids is not None)
+    return (v for v in episode.views.values() if v.depth is not None and v.ids is not None)
 
 
 def every(view: CameraView) -> Int64[np.ndarray, "n"]:

@@ -17,7 +17,7 @@ from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.core import memo, sampling
 from rpaug.core.types import CameraView, Episode, Scene
-from rpaug.scene.lighting import casting, rig
+from rpaug.scene.lighting import casting, highlights, rig
 from rpaug.scene.lighting.rig import Rig
 from rpaug.scene.recorded import lit
 
@@ -38,17 +38,22 @@ def share(scene: Scene, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
 
     Where no lamps are known, shadows that wander over what rests are told by the same pixel at other times (`lit`).
     """
-    bare = rig.recorded(scene)
-    lamps = rig.find(scene)
-    if lamps is None:
-        return lit.share(scene.episode, name, scene.moving, t)
-    view = scene.episode.views[name]
+    bare, lamps = _matte(scene)
+    return (
+        lit.share(scene.episode, name, scene.moving, t)
+        if lamps is None
+        else _share(bare, lamps, name, t)
+    )
+
+
+def _share(bare: Scene, lamps: Rig, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
+    view = bare.episode.views[name]
     if view.depth is None or view.ids is None:
         return None
     found = _by_light(bare, name, t, lamps)
-    if name not in _resting(bare):
+    if name not in _resting(bare, lamps):
         return found
-    ids, lasting = _resting(bare)[name]
+    ids, lasting = _resting(bare, lamps)[name]
     level = _level(view.rgb(t))
     known = (view.ids(t) == ids) & (lasting > np.log(DARK))
     lights = np.clip(np.exp(level - lasting), lamps.ambient / 2, 1)
@@ -56,14 +61,21 @@ def share(scene: Scene, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
 
 
 def unshadowed(scene: Scene) -> Episode:
-    """The recorded episode as it would be if nothing cast a shadow; itself where no lamps are known."""
-    return scene.episode if rig.find(scene) is None else _unshadowed(rig.recorded(scene))
+    """The recorded episode as it would be if nothing shone or cast a shadow; itself where no lamps are known."""
+    bare, lamps = _matte(scene)
+    return bare.episode if lamps is None else _unshadowed(bare, lamps)
+
+
+def _matte(scene: Scene) -> tuple[Scene, Rig | None]:
+    """The scene as it was recorded, without highlights, and the lamps whose shadows pass over it."""
+    bare = replace(rig.recorded(scene), episode=highlights.matte(scene))
+    return bare, rig.find(bare) if scene.bodies else None
 
 
 @memo.once
-def _unshadowed(scene: Scene) -> Episode:
+def _unshadowed(scene: Scene, lamps: Rig) -> Episode:
     def rgb(name: str, view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
-        found = share(scene, name, t)
+        found = _share(scene, lamps, name, t)
         recorded = view.rgb(t)
         if found is None:
             return recorded
@@ -79,9 +91,10 @@ def _unshadowed(scene: Scene) -> Episode:
 def best_light(scene: Scene, instance_id: int) -> float:
     """The light on a thing's best-lit part, 1 that on level ground, and at most: less where it has none that faces the
     lamps. 1 where no lamps are known."""
-    if rig.find(scene) is None:
+    bare, lamps = _matte(scene)
+    if lamps is None:
         return 1.0
-    found = _albedos(rig.recorded(scene)).get(instance_id)
+    found = _albedos(bare, lamps).get(instance_id)
     return 1.0 if found is None else found.best_light
 
 
@@ -96,10 +109,8 @@ class _Surfaces:
 
 
 @memo.once
-def _albedos(scene: Scene) -> Mapping[int, _Surfaces]:
+def _albedos(scene: Scene, lamps: Rig) -> Mapping[int, _Surfaces]:
     """Of each thing the albedo that leaves least unexplained when each pixel has the light that suits it best."""
-    lamps = rig.find(scene)
-    assert lamps is not None
     found: dict[int, list[tuple[np.ndarray, ...]]] = {}
     for t in sampling.frames(scene.episode.length, rig.FRAMES):
         for name, view in scene.episode.views.items():
@@ -180,7 +191,7 @@ def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray
     view = scene.episode.views[name]
     ids, level = view.ids(t), _level(view.rgb(t))  # type: ignore[misc]
     seen = _candidates(scene, name, t, lamps)
-    albedos = _albedos(scene)
+    albedos = _albedos(scene, lamps)
     known, spread = np.full(ids.shape, np.nan, np.float32), np.ones(ids.shape, np.float32)
     for one in np.unique(ids).tolist():
         if one in albedos:
@@ -208,11 +219,9 @@ def _with_neighbours(
 
 
 @memo.once
-def _resting(scene: Scene) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
+def _resting(scene: Scene, lamps: Rig) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
     """By camera that stands still: which resting thing each pixel shows, -1 for none, and its log brightness without
     shadows."""
-    lamps = rig.find(scene)
-    assert lamps is not None
     times = sampling.frames(scene.episode.length, TIMES)
     found = {}
     for name, view in scene.episode.views.items():

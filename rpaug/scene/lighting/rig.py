@@ -111,7 +111,7 @@ def _darkened(scene: Scene) -> list[_Darkened]:
         return []
     times = sampling.frames(scene.episode.length, TESTED)
     found = []
-    for view in casting.known(scene):
+    for view in casting.known(scene.episode):
         if not view.camera.fixed:
             continue
         ids = np.stack([view.ids(t) for t in times])  # type: ignore[misc]
@@ -160,7 +160,7 @@ class _Samples:
 def _sample(scene: Scene) -> _Samples:
     found = []
     for t in sampling.frames(scene.episode.length, FRAMES):
-        for view in casting.known(scene):
+        for view in casting.known(scene.episode):
             rows = np.flatnonzero(lit.inside(view.ids(t)))  # type: ignore[misc]
             rows = rows[:: max(1, len(rows) // PIXELS)]
             ids, places = casting.discs_of(view, t, rows)
@@ -189,7 +189,7 @@ class _Fitter:
             self._by_time.append((rows, {casting.CELL: fine, COARSE: coarse}))
 
     def fitted(self) -> Rig | None:
-        axes = _upper_half()
+        axes = upper_half()
         terms = [self._term(axis, COARSE) for axis in axes]
         chosen: list[np.ndarray] = []
         start = misfit = self._weigh([])[1]
@@ -227,7 +227,7 @@ class _Fitter:
         least = self._weigh(terms)[1]
         for step in steps:
             for number in range(len(directions)):
-                for turned in _around(directions[number], step):
+                for turned in around(directions[number], step):
                     tried = list(terms)
                     tried[number] = self._term(turned, cell)
                     misfit = self._weigh(tried)[1]
@@ -271,7 +271,7 @@ class _Fitter:
         return weights.tolist(), float(np.log1p((off / SPREAD) ** 2).mean())
 
 
-def _around(direction: np.ndarray, step: float) -> list[np.ndarray]:
+def around(direction: np.ndarray, step: float) -> list[np.ndarray]:
     """Directions a step away, to eight sides, above the horizon."""
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
     across /= np.linalg.norm(across)
@@ -283,7 +283,7 @@ def _around(direction: np.ndarray, step: float) -> list[np.ndarray]:
     return [one / np.linalg.norm(one) for one in found if one[2] > 0.1]
 
 
-def _upper_half() -> Float64[np.ndarray, "n 3"]:
+def upper_half() -> Float64[np.ndarray, "n 3"]:
     """Directions spread evenly over the upper half space, none too low (a Fibonacci lattice)."""
     number = np.arange(DIRECTIONS) + 0.5
     z = LOWEST + (1 - LOWEST) * number / DIRECTIONS

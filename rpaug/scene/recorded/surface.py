@@ -21,6 +21,13 @@ EXTENT = 2.0  # standard deviations of a Gaussian that its one color stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
 Light = Callable[[], Float32[np.ndarray, "h w"] | None] | None
+Shine = (
+    Callable[
+        [Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Int32[np.ndarray, "n"]],
+        Float32[np.ndarray, "n 3"] | None,
+    ]
+    | None
+)
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,8 @@ class PixelSurface:
     """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
 
     `pool` says what other frames of the same camera showed beside them, None for this one alone; `light` is an image
-    of `lit.share`, or None where nothing tells.
+    of `lit.share`, or None where nothing tells; `shine` gives what points, normals and instance ids in the world show
+    mirrored.
     """
 
     rows: Int[np.ndarray, "n"]
@@ -39,6 +47,7 @@ class PixelSurface:
     bodies: Sequence[Body]
     pool: Callable[[], Pool] | None = None
     light: Light = None
+    shine: Shine = None
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
@@ -66,6 +75,13 @@ class PixelSurface:
         return (
             np.ones(len(self.rows), np.float32) if light is None else light.reshape(-1)[self.rows]
         )
+
+    @property
+    def mirrored(self) -> Float32[np.ndarray, "n 3"] | None:
+        if self.shine is None:
+            return None
+        points, facing, _ = self._in_world
+        return self.shine(points, facing, self.ids)
 
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -96,11 +112,12 @@ def of_view(
     ids: Int32[np.ndarray, "h w"] | None,
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
+    shine: Shine = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
 
     depth = cache(partial(_known_depth, view, t))
-    return of_image(depth, ids, view.camera, t, bodies, pool, light)
+    return of_image(depth, ids, view.camera, t, bodies, pool, light, shine)
 
 
 def _known_depth(view: CameraView, t: int) -> Float32[np.ndarray, "h w"]:
@@ -125,10 +142,13 @@ def of_image(
     bodies: Sequence[Body],
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
+    shine: Shine = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
     """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
     instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
-    return lambda rows: PixelSurface(rows, depth, instance_ids, camera, t, bodies, pool, light)
+    return lambda rows: PixelSurface(
+        rows, depth, instance_ids, camera, t, bodies, pool, light, shine
+    )
 
 
 @dataclass(frozen=True)
@@ -164,6 +184,10 @@ class GaussianSurface:
     @property
     def lit(self) -> Float32[np.ndarray, "n"]:
         return np.ones(len(self.rows), np.float32)
+
+    @property
+    def mirrored(self) -> None:
+        return None
 
     @cached_property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,308 @@
+"""Highlights: what surfaces mirror of the lamps, told by places that look different from elsewhere.
+
+A matte surface looks the same from everywhere. What a place has more of in one camera than in another is mirrored
+light: strength x sum over lamps of (normal . halfway)^exponent, halfway between the lamp and the eye (Blinn 1977),
+added to what is matte (dichromatic model, Shafer 1985). Albedo and pattern cancel in the difference, so that lamps,
+strengths and exponent come out of it alone; then each thing has its own color of mirrored light, white on dielectrics
+and its own on metals, and its own exponent.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int, UInt8
+
+from rpaug.core import memo
+from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.scene.lighting import casting, rig
+from rpaug.scene.lighting.two_views import SeenTwice, exposed, seen_twice
+
+ALIKE = 0.03  # of white, by which a matte place looks different from elsewhere at most
+OFTEN = 0.15  # of all places: from so many that do look different, highlights are sought
+FEW = 100  # places that tell of an episode
+MANY = 3000  # places, of which lamps are told
+TELLING = 20  # places that tell of a thing
+EXPLAINED = 0.5  # of what cameras' exposures leave different: lamps that explain less are not those mirrored
+GAIN = 0.02  # of the misfit: what a lamp takes away at least
+MOST_LAMPS = 3
+EXPONENTS = (8.0, 16.0, 32.0, 64.0, 128.0)
+OWN = (1.0, 0.25, 0.5, 0.71, 0.84, 1.19, 1.41, 2.0, 4.0)  # of the common exponent, a thing's
+BETTER = 0.9  # of its misfit under the common exponent, from which a thing has its own
+STEPS: tuple[float, ...] = tuple(np.repeat(np.deg2rad([6.0, 3.0, 1.5, 0.75]), 2).tolist())
+SPREAD = 0.02  # of white: misfits beyond are robbed of weight
+PASSES = 4
+DIM = 1e-3  # cosine of what faces away
+
+Logs = tuple[Float32[np.ndarray, "n"], Float32[np.ndarray, "n"]]
+
+
+@dataclass(frozen=True)
+class Lamps:
+    """Lamps far away that are mirrored, and how narrowly surfaces do so more often than not."""
+
+    directions: tuple[tuple[float, float, float], ...]
+    strengths: tuple[float, ...]
+    exponent: float
+
+    def mirrored(
+        self,
+        normals: Float32[np.ndarray, "n 3"],
+        towards: Float32[np.ndarray, "n 3"],
+        exponent: float,
+        reached: Sequence[Float32[np.ndarray, "n"] | float],
+    ) -> Float32[np.ndarray, "n"]:
+        """What surfaces mirror towards an eye, where each lamp reaches so much of them."""
+        out = np.zeros(len(normals), np.float32)
+        for direction, strength, share in zip(
+            self.directions, self.strengths, reached, strict=True
+        ):
+            logs = _log_halfway(normals, towards, np.array(direction, np.float32))
+            out += np.float32(strength) * share * np.exp(np.float32(exponent) * logs)
+        return out
+
+
+@dataclass(frozen=True)
+class Finish:
+    """How a thing shines: the color of what it mirrors, over the lamps' strengths, and how narrowly."""
+
+    color: tuple[float, float, float]
+    exponent: float
+
+
+@dataclass(frozen=True)
+class Highlights:
+    """Mirrored lamps, and the finish of each thing that tells its own."""
+
+    lamps: Lamps
+    finishes: Mapping[int, Finish]
+
+
+def find(scene: Scene) -> Highlights | None:
+    """The highlights of a recording; None where places look the same from everywhere, or too little tells.
+
+    Never in photographs, whose cameras see colors each in its own way, nor where light beyond white is known, whose
+    sources lay their pictures over highlights too.
+    """
+    return _find(rig.recorded(scene))
+
+
+@memo.once
+def _find(scene: Scene) -> Highlights | None:
+    episode = scene.episode
+    if any(view.inferred or view.radiance is not None for view in episode.views.values()):
+        return None
+    places = seen_twice(episode, list(casting.known(episode)))
+    if places is None or len(places.ids) < FEW:
+        return None
+    if (np.abs(places.difference.mean(1)) > ALIKE).mean() <= OFTEN:
+        return None
+    lamps = _MirrorFitter(places.every(max(1, len(places.ids) // MANY))).fitted()
+    return None if lamps is None else Highlights(lamps, _finishes(places, lamps))
+
+
+def matte(scene: Scene) -> Episode:
+    """The recorded episode as it would be if nothing shone; itself where no highlights are known."""
+    return scene.episode if find(scene) is None else _matte(rig.recorded(scene))
+
+
+@memo.once
+def _matte(scene: Scene) -> Episode:
+    def rgb(view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
+        rows = np.arange(view.camera.height * view.camera.width)
+        ids, places = casting.discs_of(view, t, rows)
+        mirrored = on(scene, view, t, places.points, places.normals, ids)
+        assert mirrored is not None
+        shine = 255 * np.nan_to_num(mirrored).reshape(view.camera.height, view.camera.width, 3)
+        return np.clip(np.rint(view.rgb(t) - shine), 0, 255).astype(np.uint8)
+
+    views = {
+        name: replace(view, rgb=partial(rgb, view)) if view.depth and view.ids else view
+        for name, view in scene.episode.views.items()
+    }
+    return replace(scene.episode, views=views)
+
+
+def on(
+    scene: Scene,
+    view: CameraView,
+    t: int,
+    points: Float32[np.ndarray, "n 3"],
+    normals: Float32[np.ndarray, "n 3"],
+    ids: Int[np.ndarray, "n"],
+) -> Float32[np.ndarray, "n 3"] | None:
+    """What a view shows mirrored on surfaces of the world, 0..1 and beyond; nan on things that tell nothing of it.
+    None without highlights."""
+    found = find(scene)
+    if found is None:
+        return None
+    out = np.full((len(points), 3), np.nan, np.float32)
+    eye = view.camera.cam_to_world[t, :3, 3].astype(np.float32)
+    everywhere = [1.0] * len(found.lamps.directions)
+    for one in np.unique(ids).tolist():
+        if one in found.finishes:
+            rows, finish = np.flatnonzero(ids == one), found.finishes[one]
+            shine = found.lamps.mirrored(
+                normals[rows], _towards(points[rows], eye), finish.exponent, everywhere
+            )
+            out[rows] = shine[:, None] * np.array(finish.color, np.float32)
+    return out
+
+
+def _towards(
+    points: Float32[np.ndarray, "n 3"], eye: Float32[np.ndarray, "*n 3"]
+) -> Float32[np.ndarray, "n 3"]:
+    ray = eye - points
+    return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True), np.float32)
+
+
+def _log_halfway(
+    normals: Float32[np.ndarray, "n 3"],
+    towards: Float32[np.ndarray, "n 3"],
+    direction: Float32[np.ndarray, "3"],
+) -> Float32[np.ndarray, "n"]:
+    """Log of the cosine between normals and the middle of eye and lamp; that of all but 0 where no lamp can reach."""
+    middle = towards + direction
+    length = np.sqrt((middle * middle).sum(1))
+    cosine = (normals * middle).sum(1) / np.maximum(length, np.float32(1e-6))
+    faces = normals @ direction > 0
+    return np.log(np.where(faces, np.clip(cosine, DIM, 1), DIM)).astype(np.float32)
+
+
+class _MirrorFitter:
+    """Finds the lamps by which places look different, one after another; all things shine alike here."""
+
+    def __init__(self, places: SeenTwice) -> None:
+        self._places = places
+        self._value = places.difference.mean(1).astype(float)
+        self._eyes = _eyes(places)
+
+    def fitted(self) -> Lamps | None:
+        """None if they explain less than half of what looks different however long each camera exposes."""
+        axes = rig.upper_half()
+        every = [self._logs(axis) for axis in axes]
+        lamps: list[np.ndarray] = []
+        exponent, strengths = 0.0, np.zeros(0)
+        start = misfit = self._weigh([])[1]
+        while len(lamps) < MOST_LAMPS:
+            kept = [self._logs(one) for one in lamps]
+            tried = [
+                (self._weigh([_more(one, power) for one in [*kept, more]], 2)[1], k, power)
+                for power in ((exponent,) if lamps else EXPONENTS)
+                for k, more in enumerate(every)
+            ]
+            _, best, power = min(tried)
+            found, power, weights, less = self._bettered([*lamps, axes[best]], power)
+            if misfit - less < GAIN * start:
+                break
+            lamps, exponent, strengths, misfit = found, power, weights, less
+        if not lamps:
+            return None
+        terms = [_more(self._logs(one), exponent) for one in lamps]
+        off = np.abs(self._value - np.stack(terms, 1) @ strengths)
+        if off.sum() > (1 - EXPLAINED) * np.abs(exposed(self._places)).sum():
+            return None
+        directions = tuple((float(x), float(y), float(z)) for x, y, z in np.round(lamps, 5))
+        return Lamps(directions, tuple(np.round(strengths, 5).tolist()), round(exponent, 3))
+
+    def _bettered(
+        self, directions: Sequence[np.ndarray], exponent: float
+    ) -> tuple[list[np.ndarray], float, Float64[np.ndarray, "k"], float]:
+        """Exponent and each direction in turn moved to where the misfit is least, in ever smaller steps."""
+        lamps = list(directions)
+        logs = [self._logs(one) for one in lamps]
+        weights, least = self._weigh([_more(one, exponent) for one in logs])
+        for step in STEPS:
+            for power in (exponent * (1 + 4 * step), exponent / (1 + 4 * step)):
+                found, misfit = self._weigh([_more(one, power) for one in logs])
+                if misfit < least:
+                    weights, least, exponent = found, misfit, power
+            for number in range(len(lamps)):
+                for turned in rig.around(lamps[number], step):
+                    tried = list(logs)
+                    tried[number] = self._logs(turned)
+                    found, misfit = self._weigh([_more(one, exponent) for one in tried])
+                    if misfit < least:
+                        weights, least, logs, lamps[number] = found, misfit, tried, turned
+        return lamps, exponent, weights, least
+
+    def _logs(self, direction: Float64[np.ndarray, "3"]) -> Logs:
+        lamp, normals = direction.astype(np.float32), self._places.normals
+        first, second = (_log_halfway(normals, eye, lamp) for eye in self._eyes)
+        return first, second
+
+    def _weigh(
+        self, terms: Sequence[np.ndarray], passes: int = PASSES
+    ) -> tuple[Float64[np.ndarray, "k"], float]:
+        """Strengths, none below 0, and the misfit: robust least squares."""
+        basis = np.stack(terms, 1).astype(float) if terms else np.zeros((len(self._value), 0))
+        trust, weights = np.ones(len(self._value)), np.zeros(len(terms))
+        for _ in range(passes):
+            weighted = trust[:, None] * basis
+            normal = basis.T @ weighted + 1e-9 * np.eye(len(terms))
+            weights = _not_negative(normal, weighted.T @ self._value)
+            trust = 1 / (1 + ((self._value - basis @ weights) / SPREAD) ** 2)
+        return weights, float(-np.log(trust).mean())
+
+
+def _eyes(places: SeenTwice) -> tuple[np.ndarray, np.ndarray]:
+    """Directions to both eyes."""
+    return _towards(places.points, places.first), _towards(places.points, places.second)
+
+
+def _more(logs: Logs, exponent: float) -> Float32[np.ndarray, "n"]:
+    """How much more the first eye sees mirrored of a lamp of strength 1 than the second."""
+    power = np.float32(exponent)
+    return np.asarray(np.exp(power * logs[0]) - np.exp(power * logs[1]), np.float32)
+
+
+def _finishes(places: SeenTwice, lamps: Lamps) -> dict[int, Finish]:
+    """The finish of each thing of which enough places tell: the common exponent unless its own is clearly better."""
+    everywhere = [1.0] * len(lamps.directions)
+    finishes = {}
+    for one in np.unique(places.ids).tolist():
+        rows = np.flatnonzero(places.ids == one)
+        if len(rows) < TELLING:
+            continue
+        first, second = (eye[rows] for eye in _eyes(places))
+        told = []
+        for exponent in (lamps.exponent * factor for factor in OWN):
+            here, there = (
+                lamps.mirrored(places.normals[rows], eye, exponent, everywhere)
+                for eye in (first, second)
+            )
+            color, misfit = _color(places.difference[rows], here - there)
+            told.append((misfit, Finish(color, round(exponent, 3))))
+        best = min(told, key=lambda entry: entry[0])
+        finishes[one] = best[1] if best[0] < BETTER * told[0][0] else told[0][1]
+    return finishes
+
+
+def _color(
+    difference: Float32[np.ndarray, "n 3"], more: Float32[np.ndarray, "n"]
+) -> tuple[tuple[float, float, float], float]:
+    """The color of what one thing mirrors, none of its channels below 0, and the misfit: robust least squares."""
+    trust, color = np.ones(len(more)), np.zeros(3)
+    for _ in range(PASSES):
+        total = max(float((trust * more * more).sum()), 1e-9)
+        color = np.maximum((trust * more) @ difference / total, 0)
+        off = np.abs(difference - more[:, None] * color).mean(1)
+        trust = 1 / (1 + (off / SPREAD) ** 2)
+    red, green, blue = np.round(color, 4).tolist()
+    return (red, green, blue), float(-np.log(trust).mean())
+
+
+def _not_negative(
+    normal: Float64[np.ndarray, "k k"], right: Float64[np.ndarray, "k"]
+) -> Float64[np.ndarray, "k"]:
+    """The least squares of which no part is negative: the most negative is left out until none is."""
+    use = np.ones(len(right), bool)
+    out = np.zeros(len(right))
+    while use.any():
+        found = np.linalg.solve(normal[np.ix_(use, use)], right[use])
+        if found.min() >= 0:
+            out[use] = found
+            break
+        use[np.flatnonzero(use)[found.argmin()]] = False
+    return out

@@ -1,0 +1,93 @@
+"""Highlights are told by how places look from elsewhere; matte recordings, and those that none explain, stay."""
+
+import numpy as np
+import pytest
+from analytic import LENGTH, scene, seen_by
+
+from rpaug import twin
+from rpaug.core import geometry
+from rpaug.core.types import Scene
+from rpaug.scene.build import build
+from rpaug.scene.lighting import highlights, intrinsic
+from rpaug.twin.look import RIG
+
+EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "left": (-0.8, -0.1, 0.9)}
+LAMP = np.array([-0.6, 0.3, 0.74]) / np.linalg.norm([-0.6, 0.3, 0.74])
+EXPONENT, STRENGTH = 20.0, 0.4
+
+
+def shining(color=(1.0, 1.0, 1.0)) -> Scene:
+    """The analytic scene, whose level ground mirrors one lamp."""
+    plain = scene(EYES, length=LENGTH)
+
+    def paint(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        camera = plain.episode.views[name].camera
+        points = geometry.world_points(depth.astype(float), camera, t)
+        level = (ids > 0) & (np.abs(points[..., 2]) < 1e-3)
+        ray = camera.cam_to_world[t, :3, 3] - points
+        middle = ray / np.maximum(np.linalg.norm(ray, axis=-1, keepdims=True), 1e-9) + LAMP
+        cosine = middle[..., 2] / np.linalg.norm(middle, axis=-1)
+        shine = STRENGTH * np.where(level, np.maximum(cosine, 0) ** EXPONENT, 0)
+        lit = rgb * 0.6 + 255 * shine[..., None] * np.array(color)
+        return np.clip(np.rint(lit), 0, 255).astype(np.uint8), depth, ids
+
+    return seen_by(plain, paint)
+
+
+def test_metals_mirror_in_a_color_of_their_own():
+    found = highlights.find(shining((1.0, 0.6, 0.2)))
+    assert found is not None
+    red, green, blue = max(found.finishes.values(), key=lambda one: sum(one.color)).color
+    assert green / red == pytest.approx(0.6, abs=0.1)
+    assert blue / red == pytest.approx(0.2, abs=0.1)
+
+
+def test_a_matte_recording_stays_as_it_was():
+    plain = scene(EYES, length=LENGTH)
+    assert highlights.find(plain) is None
+    assert highlights.matte(plain) is plain.episode
+    assert intrinsic.unshadowed(plain) is plain.episode
+
+
+def test_cameras_that_differ_in_exposure_show_no_highlights():
+    def exposed(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        gain = {"front": 1.0, "side": 0.7, "left": 0.85}[name]
+        return np.rint(gain * rgb).astype(np.uint8), depth, ids
+
+    assert highlights.find(seen_by(scene(EYES, length=LENGTH), exposed)) is None
+
+
+@pytest.fixture(scope="module")
+def shiny() -> Scene:
+    look = twin.Look(specular=True)
+    return build(twin.perform("push_button", 2, frames=11, look=look).episode, with_bodies=False)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Scene:
+    return build(twin.perform("push_button", 2, frames=11).episode, with_bodies=False)
+
+
+@pytest.mark.gl
+def test_mirrored_lamps_are_found_where_they_stand(shiny: Scene):
+    found = highlights.find(shiny)
+    assert found is not None
+    along = np.cos([lamp.height for lamp in RIG])
+    heading = np.array([lamp.heading for lamp in RIG])
+    up = np.sin([lamp.height for lamp in RIG])
+    true = np.stack([along * np.cos(heading), along * np.sin(heading), up], -1)
+    assert len(found.lamps.directions) == len(RIG)
+    assert ((np.array(found.lamps.directions) @ true.T).max(1) > np.cos(np.deg2rad(4))).all()
+    assert found.lamps.exponent == pytest.approx(25.6, rel=0.1)
+
+
+@pytest.mark.gl
+def test_without_its_highlights_an_episode_is_matte(shiny: Scene, plain: Scene):
+    told = highlights.matte(shiny)
+    for name in ("left_shoulder", "right_shoulder", "overhead"):
+        goal = plain.episode.views[name].rgb(5).astype(float)
+        before, after = (
+            ((one.views[name].rgb(5) - goal) ** 2).mean() for one in (shiny.episode, told)
+        )
+        assert after < before / 20
+    assert highlights.find(plain) is None
