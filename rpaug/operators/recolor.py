@@ -10,6 +10,7 @@ from jaxtyping import Float32
 from rpaug.core import color_space
 from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
+from rpaug.core.jit import kernel
 from rpaug.core.types import Appearance, Effect, Scene, Surface
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene.lighting import albedo, gamut, intrinsic, shading
@@ -45,15 +46,35 @@ class AlbedoRatio:
     ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
         highlight = albedo.shine(color, surface, old, self.plain, self.hues)
-        matte = color - highlight
-        shading = matte @ old / max(float(old @ old), 1e-6)
-        gain = np.minimum(new / np.maximum(old, np.float32(1e-6)), 1)
-        out = shading[:, None] * new + gain * (matte - shading[:, None] * old)
-        painted = np.clip(out + highlight, 0, 1).astype(np.float32)
+        painted = _painted(color, highlight, old, new)
         if not self.part:
             return painted
         mine = np.isin(albedo.owners(color, self.hues), self.part)
         return np.where(mine[:, None], painted, color)
+
+
+@kernel
+def _painted(
+    color: Float32[np.ndarray, "n 3"],
+    highlight: Float32[np.ndarray, "n k"],
+    old: Float32[np.ndarray, "3"],
+    new: Float32[np.ndarray, "3"],
+) -> Float32[np.ndarray, "n 3"]:
+    """Colors with another albedo under their highlights, of one part for all channels or one for each."""
+    out = np.empty(color.shape, np.float32)
+    own = old / max(old[0] * old[0] + old[1] * old[1] + old[2] * old[2], np.float32(1e-6))
+    gain = np.minimum(new / np.maximum(old, np.float32(1e-6)), np.float32(1))
+    matte, shine = np.empty(3, np.float32), np.empty(3, np.float32)
+    for n in range(len(color)):
+        shading = np.float32(0)
+        for k in range(3):
+            shine[k] = highlight[n, min(k, highlight.shape[1] - 1)]
+            matte[k] = color[n, k] - shine[k]
+            shading += matte[k] * own[k]
+        for k in range(3):
+            lit = shading * new[k] + gain[k] * (matte[k] - shading * old[k]) + shine[k]
+            out[n, k] = min(max(lit, np.float32(0)), np.float32(1))
+    return out
 
 
 @dataclass(frozen=True)

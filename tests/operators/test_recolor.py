@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from analytic import BALL, scene
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
@@ -239,3 +239,33 @@ def test_known_highlights_of_grey_surfaces_stay_and_unknown_ones_go_by_hue() -> 
     known, unknown = paint(color, SimpleNamespace(mirrored=mirrored))  # type: ignore[arg-type]
     np.testing.assert_allclose(known, np.add(blue, 0.2), atol=1e-5)
     np.testing.assert_allclose(unknown, np.multiply(blue, 1.4).clip(0, 1), atol=1e-5)
+
+
+def painted_slowly(color: np.ndarray, old: np.ndarray, new: np.ndarray, plain: bool) -> np.ndarray:
+    """The formulas as they are written, in float64; not a number where noise and highlight are hard to tell apart."""
+    color, old, new = (one.astype(np.float64) for one in (color, old, new))
+    a, b = old @ old, old.sum()
+    shine, edge = np.zeros((len(color), 1)), np.zeros(len(color), bool)
+    if plain and 3 * a - b * b > 0.05 * 3 * a:
+        part = np.minimum((a * color.sum(1) - b * color @ old) / (3 * a - b * b), color.min(1))
+        shine = np.where(part > albedo.HIGHLIGHT, part, 0)[:, None]
+        edge = np.abs(part - albedo.HIGHLIGHT) < 1e-5
+    matte = color - shine
+    shading = (matte @ old / max(a, 1e-6))[:, None]
+    gain = np.minimum(new / np.maximum(old, 1e-6), 1)
+    made = np.clip(shading * new + gain * (matte - shading * old) + shine, 0, 1)
+    return np.where(edge[:, None], np.nan, made)
+
+
+@given(seed=st.integers(0, 2**32 - 1), plain=st.booleans())
+@settings(deadline=None)
+def test_colors_are_painted_as_the_formulas_read(seed: int, plain: bool) -> None:
+    rng = np.random.default_rng(seed)
+    old, new = rng.random((2, 3)).round(3)
+    color = (old * rng.random((50, 1)) + 0.3 * rng.random((50, 3))).clip(0, 1).astype(np.float32)
+    edit = AlbedoRatio(frozenset([1]), tuple(old), tuple(new), plain)
+    made = edit(color, SimpleNamespace(mirrored=None))  # type: ignore[arg-type]
+    expected = painted_slowly(color, old, new, plain)
+    told = ~np.isnan(expected)
+    assert told.sum() > 100
+    assert np.abs(made - expected)[told].max() < 1e-5

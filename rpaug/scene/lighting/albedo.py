@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from rpaug.core import color_space, memo, sampling
 from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.jit import kernel
 from rpaug.core.types import Episode, Surface
 
 LEAST_PIXELS = 8
@@ -264,9 +265,22 @@ def highlight(
     determinant = a * c - b * b
     if determinant <= 0.05 * a * c:
         return np.zeros((len(color), 1), np.float32)
-    on_old, on_white = color @ old, color @ white
-    part = np.minimum((a * on_white - b * on_old) / determinant, color.min(1))
-    return np.where(part > HIGHLIGHT, part, 0).astype(np.float32)[:, None]
+    return _white_part(color, old, np.float32(a / determinant), np.float32(b / determinant))
+
+
+@kernel
+def _white_part(
+    color: Float32[np.ndarray, "n 3"], old: Float32[np.ndarray, "3"], a: float, b: float
+) -> Float32[np.ndarray, "n 1"]:
+    """a times what a color has of white, less b times what it has of `old`, and no more than its darkest channel."""
+    out = np.zeros((len(color), 1), np.float32)
+    for n in range(len(color)):
+        red, green, blue = color[n]
+        part = a * (red + green + blue) - b * (red * old[0] + green * old[1] + blue * old[2])
+        part = min(part, red, green, blue)
+        if part > HIGHLIGHT:
+            out[n, 0] = part
+    return out
 
 
 def highlights(
