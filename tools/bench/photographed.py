@@ -147,7 +147,7 @@ def asked(
     if "origin" in fields:
         x, y, z = fields["origin"]
         fields["origin"] = [x, y, z - TABLE]
-    shown_as(factor, fields, photographing.drawn(recorded.truth.seed), folder)
+    shown_as(factor, fields, photographing.drawn(recorded.truth.seed))
     if factor in WORDS:
         fields["target"] = {"text": rgb_only.NAMED}
     if factor != "distractor":
@@ -162,20 +162,13 @@ def asked(
     return fields, {"things": moved, **insert.light(scene)}
 
 
-def shown_as(
-    factor: str, fields: dict[str, Any], faults: photographing.CameraFaults, folder: Path
-) -> None:
-    """Colors and images as this camera shows them: what is asked for exactly is meant as it will look."""
+def shown_as(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
+    """Colors as this camera shows them: one that is asked for exactly is meant as it will look. Images are albedos."""
     gain = np.array(faults.gain)
     if "color" in fields:
         fields["color"] = {"rgb": (gain * fields["color"]["rgb"]).tolist()}
     if factor == "table_color":
         fields["range"] = (gain * np.array(fields["range"])).tolist()
-    if "texture" in fields:
-        path = str(folder / fields["texture"])
-        laid = cv2.imread(path)
-        assert laid is not None
-        cv2.imwrite(path, np.rint(laid * gain[::-1]).astype(np.uint8))
 
 
 def made(scene: Scene, op: str, fields: Mapping[str, Any], edit: Any) -> Any:

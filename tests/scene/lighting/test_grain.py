@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from rgb_only_tables import episode
 
+from rpaug.operators.distractors import Distractors
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
 from rpaug.scene.instances import backdrop
 from rpaug.scene.lighting import grain
@@ -89,3 +91,17 @@ def test_only_photographs_have_it() -> None:
     assert grain.of(scene.episode, "image_0") is not None
     masked = replace(scene.episode, views={"image_0": replace(view, inferred=False)})
     assert grain.of(masked, "image_0") is None
+
+
+def test_what_is_inserted_flickers_as_the_clip_does() -> None:
+    scene = build(episode(12), with_bodies=True)
+    operator = Distractors(count=1, size=(0.04, 0.1))
+    made = shown(operator.apply(scene, operator.sample(scene, np.random.default_rng(1))))
+    clips = [
+        np.stack([one.views["image_0"].rgb(t) for t in range(12)]).astype(float)
+        for one in (made, scene.episode)
+    ]
+    new = (np.abs(clips[0] - clips[1]) > 25).any(-1).all(0)
+    assert new.sum() > 5
+    ours, theirs = (np.diff(clip, axis=0)[:, new].std() for clip in clips)
+    assert ours == pytest.approx(theirs, rel=0.3)
