@@ -265,7 +265,9 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
         return None
     if any(one.text in ("but", "while", ":") or one.kind == "color" for one in read[:at]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
-    counted = {"number", "strangers"} <= {one.kind for one in read[at + 1 :]}  # "..., 4 distractors"
+    counted = {"number", "strangers"} <= {
+        one.kind for one in read[at + 1 :]
+    }  # "..., 4 distractors"
     if counted or any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
