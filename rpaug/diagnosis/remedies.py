@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rpaug.core.errors import TargetError, Unsupported
+from rpaug.core.errors import RpaugError
 from rpaug.diagnosis.messages import Cause, Factor
 from rpaug.diagnosis.reference import Reference
 from rpaug.language import asking
-from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.messages import WishContext
 from rpaug.pipeline import recipe as recipes
 
 # What the rule-based analyst asks for. A thing that the robot acts on cannot be moved: recorded actions would miss it.
@@ -19,7 +19,7 @@ WORDS: dict[Factor, str] = {
     "table": "either vary the colour of the table or change the texture of the table",
     "background": "change the texture of the background",
     "distractor": "add two distractors",
-    "camera": "jitter all cameras by up to 10 cm and up to 3 degrees",
+    "camera": "jitter all fixed cameras by up to 10 cm and up to 3 degrees",
 }
 NO_EDIT: dict[Factor, str] = {
     "object position": "no edit of a recording can move what the robot acts on, since its actions stay as they were: "
@@ -37,7 +37,7 @@ def mended(cause: Cause, reference: Reference | None, seed: int = 0) -> Cause:
     scene = None if reference is None else reference.scene
     try:
         asked = asking.ask(cause.remedy, setting, scene)
-    except (NotUnderstood, TargetError, Unsupported) as error:
+    except RpaugError as error:  # whatever is amiss with it, the other causes keep theirs
         return cause.model_copy(update={"note": f"the remedy is no edit: {asking.reason(error)}"})
     chance = round(min(1.0, max(LEAST, cause.rate)), 3)
     edits = tuple({**edit, "probability": chance} for edit in asked.recipe["edits"])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from endpoints import KEY, Handler, completion, served
 from typer.testing import CliRunner
 
 from rpaug.cli import app
@@ -172,6 +173,42 @@ def test_an_analyst_judges_instead_of_the_rules(
     with pytest.raises(RpaugError, match="judged"):
         loop.run(loop.Loop(SAMPLE, *commands, tmp_path / "looped", copies=1), analyst=one)
     assert asked == [one]
+
+
+STATED = {
+    "causes": [{"factor": "lighting", "confidence": 0.95}],
+    "detail": "The light is dim.",
+    "remedy": "vary the colour of the lights",
+}
+
+
+def say(handler: Handler, number: int) -> None:
+    """What the model says to a cause's, a detail's or a remedy's prompt."""
+    body = handler.server.seen[-1][1]  # type: ignore[attr-defined]
+    asked = body["response_format"]["json_schema"]["schema"]["properties"]
+    handler.answer(completion(json.dumps({key: STATED[key] for key in asked})))
+
+
+def test_a_model_judges_from_the_command_line_and_its_key_is_in_no_file(
+    commands: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RPAUG_LLM_KEY", KEY)
+    train, evaluate = commands
+    out = tmp_path / "looped"
+    with served(say) as (endpoint, seen):
+        given = CliRunner().invoke(
+            app,
+            ["loop", str(SAMPLE), "--train", train, "--eval", evaluate, "--out", str(out), *COPY,
+             "--llm", endpoint.url, "--model", "small"],
+        )  # fmt: skip
+    assert given.exit_code == 0, given.output
+    assert seen
+    first, second = json.loads(given.stdout)["rounds"]
+    assert (first["causes"], second["success"]) == (["lighting"], 1.0)
+    assert "light_color" in (out / "round0/recipe.yaml").read_text()
+    written = [path for path in out.rglob("*") if path.is_file()]
+    assert all(KEY.encode() not in path.read_bytes() for path in written)
+    assert KEY not in given.output
 
 
 def test_a_model_without_a_url_is_refused(commands: tuple[str, str], tmp_path: Path) -> None:
