@@ -47,8 +47,14 @@ class Size:
     rounds: int = 2
 
 
-LIGHTS = "edits.5.range=[[0.1, 0.1, 0.1], [0.5, 0.5, 0.5]]"
-"""As dim as lamps get in the tests, which draw COLOSSEUM's; `robust` itself stays within what lamps in a room do."""
+AS_TESTED = (
+    "edits.5.range=[[0.1, 0.1, 0.1], [0.5, 0.5, 0.5]]",
+    "edits.6.camera=[front, left_shoulder, right_shoulder]",
+    "edits.6.shift=0.1",
+    "edits.6.turn=0.05",
+)
+"""Lamps as dim, and cameras moved as far, as in the tests, which draw COLOSSEUM's; `robust` itself stays within what
+lamps in a room do, and where copies stay true without the arm's file."""
 
 SMOKE = Size(TASKS[:2], 2, 2, 20, 1, ("none", "object_color", "all"), 1)
 
@@ -60,7 +66,7 @@ def run(
     work.mkdir(parents=True, exist_ok=True)
     demos = data.recorded(work / "demos", size.tasks, size.demos)
     if "rpaug" in arms:
-        data.augmented(work / "rpaug", demos, "robust", size.copies, workers, LIGHTS)
+        data.augmented(work / "rpaug", demos, "robust", size.copies, workers, *AS_TESTED)
     for arm, left in (("oracle", ()), ("oracle_valid", looks.INVALIDATING)):
         if arm in arms:
             data.rendered(work / arm, size.tasks, size.demos, size.copies, left)
