@@ -126,7 +126,7 @@ def ask(
         return 0
     from rpaug.cli.augment import augment
 
-    return augment(dataset, _kept(asked, out, into), into, tier=tier, as_json=as_json)  # type: ignore[arg-type]
+    return augment(dataset, _kept(asked, out, into), str(into), tier=tier, as_json=as_json)
 
 
 def _maker(who: str | None, scale: float, up: str) -> Any:

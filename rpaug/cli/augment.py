@@ -1,10 +1,10 @@
 """`rpaug augment`: write edited copies of a dataset."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from enum import StrEnum
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -22,6 +22,7 @@ from rpaug.cli.console import (
     print_json,
     say,
     warn,
+    written,
 )
 from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
@@ -41,7 +42,9 @@ def augment(
         str,
         typer.Option(help="Recipe file, or the name of one that ships (demo, light_color, ...)."),
     ],
-    out: Annotated[Path, typer.Option(help="Folder to write; must not exist unless --resume.")],
+    out: Annotated[
+        str, typer.Option(help="Folder or URL to write; must not exist unless --resume.")
+    ],
     workers: Annotated[
         int | None,
         typer.Option(
@@ -62,8 +65,10 @@ def augment(
         ),
     ] = 0,
     scenes: Annotated[
-        Path | None,
-        typer.Option(help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`."),
+        str | None,
+        typer.Option(
+            help="Store of fitted scenes, for tiers 3 and 4: `rpaug fit --out`, or a URL."
+        ),
     ] = None,
     share: Annotated[
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
@@ -109,38 +114,41 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
+    from rpaug.core import remote
     from rpaug.pipeline import cluster, inputs
     from rpaug.pipeline import workers as local
     from rpaug.pipeline.augment import Run, execute
     from rpaug.pipeline.run import MINUTES, Budget
 
     inputs.tier(tier)
+    if engine is Engine.RAY and (remote.is_url(out) or remote.is_copy(dataset)):
+        raise RpaugError("--engine ray: nodes must see dataset and output as folders, not by URL")
     if share and scenes is None:
         raise RpaugError("--share: scenes are shared through a store; name its folder by --scenes")
     given = list(set_ or [])
     given += [f"seed={seed}"] if seed is not None else []
     given += [f"arms={json.dumps(list(map(str, arm)))}"] if arm else []
     loaded = inputs.recipe(recipe, given, models or ())
-    run = Run(dataset, loaded, out, tier, scenes, share, keep_invalid, _ratio(ratio), licence)
-    run = replace(run, shard=_shard(shard))
-    if dry_run:
-        return _dry_run(run, resume, as_json)
     budget = Budget(most_memory and most_memory * 1e9, most_minutes or MINUTES)
-    with progress_bar("augmenting", as_json) as progress:
-        summary = execute(
-            run,
-            workers=workers or (1 if engine is Engine.LOCAL else 0),
-            budget=budget,
-            engine=local.run if engine is Engine.LOCAL else partial(cluster.run, address=address),
-            resume=resume,
-            progress=progress,
-        )
-    code = summary.exit_code
-    described = {**vars(summary), "out": str(out)}
-    if summary.copies and shard is None:
-        code = max(code, contact_sheet(run, described))
-    elif summary.failures or summary.aborted:
-        described["error"] = summary.aborted or next(iter(summary.failures.values()))
+    how: dict[str, Any] = {
+        "workers": workers or (1 if engine is Engine.LOCAL else 0),
+        "budget": budget,
+        "engine": local.run if engine is Engine.LOCAL else partial(cluster.run, address=address),
+    }
+    fitted = written(scenes, True) if scenes else nullcontext()
+    with written(out, resume) as target, fitted as store:
+        run = Run(dataset, loaded, target, tier, store, share, keep_invalid, _ratio(ratio), licence)
+        run = replace(run, shard=_shard(shard))
+        if dry_run:
+            return _dry_run(run, resume, as_json)
+        with progress_bar("augmenting", as_json) as progress:
+            summary = execute(run, resume=resume, progress=progress, **how)
+        code = summary.exit_code
+        described = {**vars(summary), "out": out}
+        if summary.copies and shard is None:
+            code = max(code, contact_sheet(run, described))
+        elif summary.failures or summary.aborted:
+            described["error"] = summary.aborted or next(iter(summary.failures.values()))
     tell(run, summary, described, as_json)
     return code
 

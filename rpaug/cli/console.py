@@ -8,7 +8,8 @@ import errno
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,17 +25,41 @@ FULL = {errno.ENOSPC, errno.EDQUOT}
 console = Console(stderr=True, emoji=False)
 
 
-def dataset_path(given: Path | None) -> Path | None:
-    """What an argument names: `sample` is the dataset that ships."""
-    from rpaug.core import registry
+def dataset_path(given: str) -> Path:
+    """What an argument names: `sample` is the dataset that ships, and of one at a URL a copy is fetched."""
+    from rpaug.core import registry, remote
 
-    return given if given is None else registry.dataset(given)
+    return remote.RemoteFolder(given).fetch() if remote.is_url(given) else registry.dataset(given)
+
+
+@contextmanager
+def written(given: str, resume: bool) -> Iterator[Path]:
+    """The folder that a command writes; what is at a URL goes on in its copy, which is sent when the work is done.
+    Raises BadInput where something is there that it does not go on with."""
+    from rpaug.core.remote import RemoteFolder, is_url
+    from rpaug.pipeline import journal, report
+
+    if not is_url(given):
+        yield Path(given)
+        return
+    remote = RemoteFolder(given)
+    if remote.is_there():
+        if not resume:
+            expected = "a new path, or --resume"
+            raise BadInput(Path(given), "--out", found="something there already", expected=expected)
+        remote.fetch(keep=True)
+    yield remote.folder
+    if remote.folder.exists():
+        remote.send(last=(journal.NAME, report.SUMMARY))  # whoever sees the summary sees all
 
 
 Dataset = Annotated[
     Path,
     typer.Argument(
-        help="Folder of a dataset, or `sample`.", show_default=False, callback=dataset_path
+        help="Folder or URL of a dataset, or `sample`.",
+        show_default=False,
+        parser=dataset_path,
+        metavar="DATASET",
     ),
 ]
 EpisodeKey = Annotated[str | None, typer.Option(help="Key of one episode; the first if not given.")]

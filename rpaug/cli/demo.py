@@ -28,7 +28,7 @@ def demo(
     target = out or _free()
     if not as_json:
         say(f"$ rpaug augment sample --recipe demo --out {target}")
-    code = augment(registry.SAMPLE, "demo", target, as_json=as_json)
+    code = augment(registry.SAMPLE, "demo", str(target), as_json=as_json)
     if not as_json:
         say("open that page in a browser; to try edits yourself: rpaug preview sample --serve")
     return code

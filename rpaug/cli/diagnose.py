@@ -34,7 +34,7 @@ def diagnose(
     dataset: Annotated[
         Path | None,
         typer.Option(
-            help="The training recordings: what the policy is used to.", callback=dataset_path
+            help="The training recordings: what the policy is used to.", parser=dataset_path
         ),
     ] = None,
     out: Annotated[

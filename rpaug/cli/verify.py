@@ -21,7 +21,7 @@ from rpaug.cli.progress import progress_bar
 def verify(
     dataset: Dataset,
     against: Annotated[
-        Path, typer.Option(help="The dataset that it was made from.", callback=dataset_path)
+        Path, typer.Option(help="The dataset that it was made from.", parser=dataset_path)
     ],
     every_frame: Annotated[
         bool, typer.Option(help="Compare the images of all frames, not of six.")

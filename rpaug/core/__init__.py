@@ -2,7 +2,6 @@
 
 __all__ = [
     "cache",
-    "child",
     "color_space",
     "errors",
     "files",
@@ -20,6 +19,7 @@ __all__ = [
     "pixels",
     "progress",
     "registry",
+    "remote",
     "safe_yaml",
     "sampling",
     "splits",

@@ -1,14 +1,22 @@
-"""One owner for what is being written: a lock beside it that ends with its process, however that ends."""
+"""What ends with its process, however that ends: a lock beside what it writes, so that this has one owner, and its
+children.
+
+Light: a child loads this alone before it has an eye on its parent.
+"""
 
 import errno
 import fcntl
 import json
 import os
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from multiprocessing import parent_process
 from pathlib import Path
+from typing import Any
 
 from rpaug.core.errors import BadInput
 
@@ -69,3 +77,17 @@ def _who(descriptor: int) -> str:
         return f"process {facts['pid']} of {facts['host']}, for {minutes:.0f} minutes,"
     except (OSError, ValueError, TypeError, KeyError):
         return "another process"
+
+
+def child(module: str, function: str, *given: Any) -> None:
+    """What a fresh process runs: a module's function, and the end of it all as soon as the parent is gone, also while
+    the module still loads. That takes a second, or many where there is other work."""
+    parent = parent_process()
+    assert parent is not None
+
+    def end() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
+    getattr(import_module(module), function)(*given)

@@ -12,6 +12,7 @@ __all__ = [
     "gates",
     "inputs",
     "inspect",
+    "journal",
     "left_out",
     "merge",
     "pareto",

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from rpaug.core import child, progress
+from rpaug.core import owner, progress
 from rpaug.core.errors import Missing, RpaugError
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
@@ -126,7 +126,7 @@ class WorkerProcess:
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(
-            target=child.run, args=(_serve.__module__, _serve.__name__, theirs)
+            target=owner.child, args=(_serve.__module__, _serve.__name__, theirs)
         )
         # Ctrl-C reaches a terminal's whole group: it is for the run, which ends its workers. They inherit the mask.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])

@@ -237,7 +237,7 @@ def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) ->
 
 def test_the_slurm_array_of_the_documents_runs_as_written(template: Path, tmp_path: Path) -> None:
     page = Path(__file__).parents[2] / "docs/scale.md"
-    script, _ = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
+    script, *_ = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
     (tmp_path / "array.sh").write_text(script)
     shutil.copytree(template, tmp_path / "data/train/open_drawer")
     light = {"version": 1, "copies": 2, "edits": [{"op": "light_color"}]}

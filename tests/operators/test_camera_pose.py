@@ -48,6 +48,16 @@ def test_the_motion_is_in_the_camera_frame_and_held(recorded):
     assert moved.bodies is recorded.bodies
 
 
+def test_a_shift_and_a_turn_go_either_way(recorded):
+    operator = CameraPose(camera="wrist", shift=0.1, turn=0.05)
+    drawn = [operator.sample(recorded, np.random.default_rng(n))["wrist"] for n in range(40)]
+    for name, most in (("shift", 0.1), ("turn", 0.05)):
+        values = np.array([one[name] for one in drawn])
+        assert (values.min(0) < -most / 2).all()
+        assert (values.max(0) > most / 2).all()
+        assert np.abs(values).max() <= most
+
+
 def test_static_names_all_fixed_cameras_with_a_draw_each(recorded):
     edit = CameraPose(camera="static").sample(recorded, np.random.default_rng(0))
     assert list(edit) == ["front", "side"]

@@ -202,19 +202,22 @@ def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path
     assert shown(tmp_path / "augmented") == contents(tmp_path / "one")
 
 
-def test_the_job_of_the_documents_runs_as_submitted(template: Path, tmp_path: Path) -> None:
+def test_the_job_of_the_documents_runs_as_submitted(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """To a cluster of one node with Ray's dashboard, which takes jobs."""
     pytest.importorskip("aiohttp_cors", reason="ray without its dashboard: no `ray[default]`")
     as_written("ray job submit", template, tmp_path)
     port = free_port()
-    head = Cluster(
-        initialize_head=True,
-        head_node_args={**FEW, "include_dashboard": True, "dashboard_port": port},
-    )
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    env = os.environ | {"PATH": path, "RAY_API_SERVER_ADDRESS": f"http://127.0.0.1:{port}"}
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("RAY_API_SERVER_ADDRESS", f"http://127.0.0.1:{port}")
+    shows = {**FEW, "include_dashboard": True, "dashboard_port": port}
+    head = Cluster(initialize_head=True, head_node_args=shows)
+    ready = ["ray", "job", "submit", "--", "true"]
     try:
-        subprocess.run(["bash", "job.sh"], cwd=tmp_path, env=env, check=True)
+        while subprocess.run(ready, capture_output=True).returncode:
+            time.sleep(1)  # until the dashboard has found the node
+        subprocess.run(["bash", "job.sh"], cwd=tmp_path, check=True)
     finally:
         head.shutdown()
     augment(tmp_path / "data/train/open_drawer", recipe.build(RECIPE), tmp_path / "one")

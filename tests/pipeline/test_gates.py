@@ -18,7 +18,7 @@ from rpaug.operators.fields import Palette
 from rpaug.operators.recolor import AlbedoRatio, Recolor
 from rpaug.operators.sensor_noise import SensorNoise
 from rpaug.pipeline import copies, plan
-from rpaug.pipeline.gates import UNASKED, Figures, Gates, beyond, described, measure
+from rpaug.pipeline.gates import UNASKED, Figures, Gates, _still, beyond, described, measure
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.targets.targets import Target
 
@@ -228,6 +228,26 @@ def test_the_report_says_only_what_was_measured() -> None:
 def test_senseless_gates_are_refused(fields: dict) -> None:
     with pytest.raises(ValidationError):
         Gates(**fields)
+
+
+def test_the_camera_with_most_holes_counts() -> None:
+    recorded = analytic_scene({"front": (0.0, -0.9, 0.6)}, length=2)
+    masks = {name: np.zeros((2, 2), bool) for name in ("a/0", "a/1", "b/0", "b/1")}
+    masks["b/1"][0] = True
+    shown = measure(recorded, recorded.episode, {"a": 1, "b": 1}, 0, masks, {}, {"holes"})
+    assert shown.holes == 0.25  # of camera b, over its frames
+
+
+def test_a_place_whose_depth_changes_is_not_still() -> None:
+    view = analytic_scene({"front": (0.0, -0.9, 0.6)}, length=2).episode.views["front"]
+    assert view.depth is not None
+    depth = view.depth(0)
+    nearer = depth.copy()
+    nearer[3, 4] -= 0.2
+    shown = replace(view, depth=lambda t: nearer if t else depth, ids=None)
+    still = _still(shown, 0)
+    assert not still[3, 4]
+    assert still.sum() == still.size - 1
 
 
 def test_a_ball_that_moves_does_not_flicker() -> None:

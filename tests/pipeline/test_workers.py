@@ -103,9 +103,9 @@ def test_a_worker_that_still_loads_ends_with_the_run(tmp_path: Path) -> None:
     )
     (tmp_path / "slow.py").write_text(loads.format(tmp_path / "loading"))
     line = (
-        "from multiprocessing import get_context; from rpaug.core import child\n"
+        "from multiprocessing import get_context; from rpaug.core import owner\n"
         "if __name__ == '__main__':\n"
-        "    one = get_context('spawn').Process(target=child.run, args=('slow', 'serve', 0))\n"
+        "    one = get_context('spawn').Process(target=owner.child, args=('slow', 'serve', 0))\n"
         "    one.start(); print(one.pid, flush=True); one.join()"
     )
     (tmp_path / "begins.py").write_text(line)

@@ -37,6 +37,14 @@ def test_a_ratio_takes_other_episodes_each_epoch() -> None:
     assert len(taken) == 6
 
 
+def test_a_chance_takes_other_episodes_each_epoch() -> None:
+    keys, schedule = [f"episode{n}" for n in range(20)], Schedule(probability=0.5)
+    taken = {
+        tuple(schedule.augmented(RECIPE, keys, epoch, i) for i in range(20)) for epoch in range(6)
+    }
+    assert len(taken) == 6
+
+
 def test_chances_hold_on_average_and_come_back() -> None:
     keys = [f"episode{n}" for n in range(500)]
     assert 100 < share(Schedule(probability=0.3), keys, 1) < 200
