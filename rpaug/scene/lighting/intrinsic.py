@@ -69,7 +69,7 @@ def unshadowed(scene: Scene) -> Episode:
 def _matte(scene: Scene) -> tuple[Scene, Rig | None]:
     """The scene as it was recorded, without highlights, and the lamps whose shadows pass over it."""
     bare = replace(rig.recorded(scene), episode=highlights.matte(scene))
-    return bare, rig.find(bare) if scene.bodies else None
+    return bare, rig.find(scene)
 
 
 @memo.once
