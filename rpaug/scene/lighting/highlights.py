@@ -73,10 +73,12 @@ class Finish:
 
 @dataclass(frozen=True)
 class Highlights:
-    """Mirrored lamps, and the finish of each thing that tells its own."""
+    """Mirrored lamps, the finish of each thing that tells its own, and the directions along which lamps cast shadows:
+    none, or one for each. What a lamp does not reach does not mirror it."""
 
     lamps: Lamps
     finishes: Mapping[int, Finish]
+    shadows: casting.Directions = ()
 
 
 def find(scene: Scene) -> Highlights | None:
@@ -98,8 +100,12 @@ def _find(scene: Scene) -> Highlights | None:
         return None
     if (np.abs(places.difference.mean(1)) > ALIKE).mean() <= OFTEN:
         return None
-    lamps = _MirrorFitter(places.every(max(1, len(places.ids) // MANY))).fitted()
-    return None if lamps is None else Highlights(lamps, _finishes(places, lamps))
+    seen = rig.find(scene)
+    along = () if seen is None else seen.directions
+    reached = _reached_places(scene, places, along)
+    step = max(1, len(places.ids) // MANY)
+    lamps = _MirrorFitter(places.every(step), [one[::step] for one in reached]).fitted(along)
+    return None if lamps is None else Highlights(lamps, _finishes(places, lamps, reached), along)
 
 
 def matte(scene: Scene) -> Episode:
@@ -139,15 +145,41 @@ def on(
         return None
     out = np.full((len(points), 3), np.nan, np.float32)
     eye = view.camera.cam_to_world[t, :3, 3].astype(np.float32)
-    everywhere = [1.0] * len(found.lamps.directions)
+    reached = [np.ones(len(points), np.float32)] * len(found.lamps.directions)
+    if found.shadows:
+        reached = _reached(rig.recorded(scene), t, found.shadows, points, normals)
     for one in np.unique(ids).tolist():
         if one in found.finishes:
             rows, finish = np.flatnonzero(ids == one), found.finishes[one]
-            shine = found.lamps.mirrored(
-                normals[rows], _towards(points[rows], eye), finish.exponent, everywhere
-            )
+            here = [share[rows] for share in reached]
+            towards = _towards(points[rows], eye)
+            shine = found.lamps.mirrored(normals[rows], towards, finish.exponent, here)
             out[rows] = shine[:, None] * np.array(finish.color, np.float32)
     return out
+
+
+def _reached_places(
+    scene: Scene, places: SeenTwice, along: casting.Directions
+) -> list[Float32[np.ndarray, "n"]]:
+    """How much of each place each lamp reaches; all of it where none are known to cast shadows."""
+    out = [np.ones(len(places.ids), np.float32) for _ in range(len(along) or MOST_LAMPS)]
+    for t in np.unique(places.times).tolist() if along else ():
+        rows = places.times == t
+        here = _reached(scene, t, along, places.points[rows], places.normals[rows])
+        for one, share in zip(out, here, strict=True):
+            one[rows] = share
+    return out
+
+
+def _reached(
+    scene: Scene,
+    t: int,
+    along: casting.Directions,
+    points: Float32[np.ndarray, "n 3"],
+    normals: Float32[np.ndarray, "n 3"],
+) -> list[Float32[np.ndarray, "n"]]:
+    places = casting.Discs(points, normals, np.zeros(len(points), np.float32))
+    return [one.reached(places) for one in casting.casters(scene).maps(t, along)]
 
 
 def _towards(
@@ -173,13 +205,38 @@ def _log_halfway(
 class _MirrorFitter:
     """Finds the lamps by which places look different, one after another; all things shine alike here."""
 
-    def __init__(self, places: SeenTwice) -> None:
+    def __init__(self, places: SeenTwice, reached: Sequence[Float32[np.ndarray, "n"]]) -> None:
         self._places = places
+        self._reached = reached
         self._value = places.difference.mean(1).astype(float)
         self._eyes = _eyes(places)
 
-    def fitted(self) -> Lamps | None:
-        """None if they explain less than half of what looks different however long each camera exposes."""
+    def fitted(self, along: casting.Directions = ()) -> Lamps | None:
+        """None if they explain less than half of what looks different however long each camera exposes.
+
+        Lamps that cast shadows `along` some directions are those that are mirrored.
+        """
+        if along:
+            lamps, exponent, strengths, _ = self._known([np.array(one) for one in along])
+        else:
+            lamps, exponent, strengths = self._sought()
+        if not lamps:
+            return None
+        terms = self._terms([self._logs(one) for one in lamps], exponent)
+        off = np.abs(self._value - np.stack(terms, 1) @ strengths)
+        if off.sum() > (1 - EXPLAINED) * np.abs(exposed(self._places)).sum():
+            return None
+        directions = tuple((float(x), float(y), float(z)) for x, y, z in np.round(lamps, 5))
+        return Lamps(directions, tuple(np.round(strengths, 5).tolist()), round(exponent, 3))
+
+    def _known(
+        self, lamps: list[np.ndarray]
+    ) -> tuple[list[np.ndarray], float, Float64[np.ndarray, "k"], float]:
+        logs = [self._logs(one) for one in lamps]
+        misfits = [self._weigh(self._terms(logs, power))[1] for power in EXPONENTS]
+        return self._bettered(lamps, EXPONENTS[int(np.argmin(misfits))])
+
+    def _sought(self) -> tuple[list[np.ndarray], float, Float64[np.ndarray, "k"]]:
         axes = rig.upper_half()
         every = [self._logs(axis) for axis in axes]
         lamps: list[np.ndarray] = []
@@ -188,7 +245,7 @@ class _MirrorFitter:
         while len(lamps) < MOST_LAMPS:
             kept = [self._logs(one) for one in lamps]
             tried = [
-                (self._weigh([_more(one, power) for one in [*kept, more]], 2)[1], k, power)
+                (self._weigh(self._terms([*kept, more], power), 2)[1], k, power)
                 for power in ((exponent,) if lamps else EXPONENTS)
                 for k, more in enumerate(every)
             ]
@@ -197,14 +254,7 @@ class _MirrorFitter:
             if misfit - less < GAIN * start:
                 break
             lamps, exponent, strengths, misfit = found, power, weights, less
-        if not lamps:
-            return None
-        terms = [_more(self._logs(one), exponent) for one in lamps]
-        off = np.abs(self._value - np.stack(terms, 1) @ strengths)
-        if off.sum() > (1 - EXPLAINED) * np.abs(exposed(self._places)).sum():
-            return None
-        directions = tuple((float(x), float(y), float(z)) for x, y, z in np.round(lamps, 5))
-        return Lamps(directions, tuple(np.round(strengths, 5).tolist()), round(exponent, 3))
+        return lamps, exponent, strengths
 
     def _bettered(
         self, directions: Sequence[np.ndarray], exponent: float
@@ -212,20 +262,27 @@ class _MirrorFitter:
         """Exponent and each direction in turn moved to where the misfit is least, in ever smaller steps."""
         lamps = list(directions)
         logs = [self._logs(one) for one in lamps]
-        weights, least = self._weigh([_more(one, exponent) for one in logs])
+        weights, least = self._weigh(self._terms(logs, exponent))
         for step in STEPS:
             for power in (exponent * (1 + 4 * step), exponent / (1 + 4 * step)):
-                found, misfit = self._weigh([_more(one, power) for one in logs])
+                found, misfit = self._weigh(self._terms(logs, power))
                 if misfit < least:
                     weights, least, exponent = found, misfit, power
             for number in range(len(lamps)):
                 for turned in rig.around(lamps[number], step):
                     tried = list(logs)
                     tried[number] = self._logs(turned)
-                    found, misfit = self._weigh([_more(one, exponent) for one in tried])
+                    found, misfit = self._weigh(self._terms(tried, exponent))
                     if misfit < least:
                         weights, least, logs, lamps[number] = found, misfit, tried, turned
         return lamps, exponent, weights, least
+
+    def _terms(self, logs: Sequence[Logs], exponent: float) -> list[Float32[np.ndarray, "n"]]:
+        """How much more the first eye sees mirrored of each lamp, were its strength 1."""
+        return [
+            share * _more(one, exponent)
+            for share, one in zip(self._reached[: len(logs)], logs, strict=True)
+        ]
 
     def _logs(self, direction: Float64[np.ndarray, "3"]) -> Logs:
         lamp, normals = direction.astype(np.float32), self._places.normals
@@ -252,24 +309,26 @@ def _eyes(places: SeenTwice) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _more(logs: Logs, exponent: float) -> Float32[np.ndarray, "n"]:
-    """How much more the first eye sees mirrored of a lamp of strength 1 than the second."""
+    """How much more the first eye sees mirrored of a lamp of strength 1 than the second, where it reaches."""
     power = np.float32(exponent)
     return np.asarray(np.exp(power * logs[0]) - np.exp(power * logs[1]), np.float32)
 
 
-def _finishes(places: SeenTwice, lamps: Lamps) -> dict[int, Finish]:
+def _finishes(
+    places: SeenTwice, lamps: Lamps, reached: Sequence[Float32[np.ndarray, "n"]]
+) -> dict[int, Finish]:
     """The finish of each thing of which enough places tell: the common exponent unless its own is clearly better."""
-    everywhere = [1.0] * len(lamps.directions)
     finishes = {}
     for one in np.unique(places.ids).tolist():
         rows = np.flatnonzero(places.ids == one)
         if len(rows) < TELLING:
             continue
         first, second = (eye[rows] for eye in _eyes(places))
+        shares = [share[rows] for share in reached[: len(lamps.directions)]]
         told = []
         for exponent in (lamps.exponent * factor for factor in OWN):
             here, there = (
-                lamps.mirrored(places.normals[rows], eye, exponent, everywhere)
+                lamps.mirrored(places.normals[rows], eye, exponent, shares)
                 for eye in (first, second)
             )
             color, misfit = _color(places.difference[rows], here - there)

@@ -69,7 +69,7 @@ def unshadowed(scene: Scene) -> Episode:
 def _matte(scene: Scene) -> tuple[Scene, Rig | None]:
     """The scene as it was recorded, without highlights, and the lamps whose shadows pass over it."""
     bare = replace(rig.recorded(scene), episode=highlights.matte(scene))
-    return bare, rig.find(bare) if scene.bodies else None
+    return bare, rig.find(scene)
 
 
 @memo.once
@@ -173,8 +173,8 @@ def _candidates(scene: Scene, name: str, t: int, lamps: Rig) -> _Candidates:
     view = scene.episode.views[name]
     rows = np.arange(view.camera.height * view.camera.width)
     _, places = casting.discs_of(view, t, rows)
-    discs = casting.casters(scene).at(t)
-    reached = [casting.light_map(discs, np.array(one)).reached(places) for one in lamps.directions]
+    maps = casting.casters(scene).maps(t, lamps.directions)
+    reached = [one.reached(places) for one in maps]
     full = lamps.light(places.normals, [1.0] * len(reached))
     light, doubt = [], []
     for state in product((1.0, 0.0), repeat=len(reached)):

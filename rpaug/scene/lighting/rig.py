@@ -142,8 +142,7 @@ def _explained(scene: Scene, fell: Sequence[_Darkened], lamps: Rig) -> float:
 
 def _light(scene: Scene, one: _Darkened, t: int, lamps: Rig) -> Float32[np.ndarray, "n"]:
     _, places = casting.discs_of(one.view, t, one.rows)
-    discs = casting.casters(scene).at(t)
-    maps = [casting.light_map(discs, np.array(direction)) for direction in lamps.directions]
+    maps = casting.casters(scene).maps(t, lamps.directions)
     return lamps.light(places.normals, [each.reached(places) for each in maps])
 
 
@@ -273,9 +272,9 @@ class _Fitter:
 
 def around(direction: np.ndarray, step: float) -> list[np.ndarray]:
     """Directions a step away, to eight sides, above the horizon."""
-    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    across = casting.crossed(direction, np.eye(3)[np.abs(direction).argmin()])
     across /= np.linalg.norm(across)
-    beside = np.cross(direction, across)
+    beside = casting.crossed(direction, across)
     turns = np.pi / 4 * np.arange(8)
     found = [
         direction + np.tan(step) * (np.cos(turn) * across + np.sin(turn) * beside) for turn in turns

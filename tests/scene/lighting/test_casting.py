@@ -40,3 +40,30 @@ def test_of_near_discs_the_narrowest_is_kept():
 def test_nothing_casts_no_shadow():
     none, floor = casting.joined([]), plate(0.0, 0.1)
     assert (casting.light_map(none, np.array([0.0, 0, 1])).reached(floor) == 1).all()
+
+
+def test_maps_of_one_time_are_drawn_once_and_are_those_drawn_anew():
+    still = np.broadcast_to(np.eye(4), (300, 4, 4))
+    them = casting.Casters(((still, plate(0.1, 0.1)),))
+    lamps = ((0.0, 0.6, 0.8), (0.6, 0.0, 0.8))
+    found = them.maps(3, lamps)
+    assert them.maps(3, lamps) is found
+    for one, direction in zip(found, lamps, strict=True):
+        anew = casting.light_map(them.at(3), np.array(direction))
+        assert one.height.tobytes() == anew.height.tobytes()
+    assert len(them.maps(3, lamps[:1])) == 1  # other lamps, other maps
+
+
+def test_only_the_last_maps_are_kept():
+    still = np.broadcast_to(np.eye(4), (300, 4, 4))
+    them = casting.Casters(((still, plate(0.1, 0.02)),))
+    first = them.maps(0, ((0.0, 0.0, 1.0),))
+    for t in range(1, casting.KEPT + 1):
+        them.maps(t, ((0.0, 0.0, 1.0),))
+    assert them.maps(0, ((0.0, 0.0, 1.0),)) is not first
+
+
+def test_the_cross_product_is_numpys():
+    rng = np.random.default_rng(0)
+    for one, other in rng.normal(size=(20, 2, 3)):
+        assert casting.crossed(one, other).tobytes() == np.cross(one, other).tobytes()

@@ -91,3 +91,20 @@ def test_without_its_highlights_an_episode_is_matte(shiny: Scene, plain: Scene):
         )
         assert after < before / 20
     assert highlights.find(plain) is None
+
+
+@pytest.mark.gl
+def test_under_cast_shadows_only_what_a_lamp_reaches_mirrors_it():
+    both, dark = (
+        twin.perform("push_button", 2, frames=11, look=twin.Look(specular=on, shadows=True)).episode
+        for on in (True, False)
+    )
+    shaded = build(both, with_bodies=True)
+    found = highlights.find(shaded)
+    assert found is not None
+    assert len(found.shadows) == len(found.lamps.directions)
+    told = highlights.matte(shaded)
+    for name in ("front", "left_shoulder", "right_shoulder"):
+        goal = dark.views[name].rgb(5).astype(float)
+        before, after = (((one.views[name].rgb(5) - goal) ** 2).mean() for one in (both, told))
+        assert after < before / 2  # of the floor's shadows, much is cast by what no image shows
