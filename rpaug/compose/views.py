@@ -140,7 +140,9 @@ def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> 
         start = time.thread_time()
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
-        shine = partial(highlights.on, scene, view, t) if view.depth and ids is not None else None
+        shine = (
+            partial(highlights.seen_by, scene, view, t) if view.depth and ids is not None else None
+        )
         pool = stood.pool if stood else None
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         before = view.rgb(t)
@@ -214,7 +216,7 @@ def _finished(
     view = scene.episode.views[name]
     light = partial(_light, scene, name, t, ids) if stood else None
     still = stood and view.depth is not None and scene.recorded_bodies is None
-    shine = partial(highlights.on, scene, view, t) if still else None
+    shine = partial(highlights.seen_by, scene, view, t) if still else None
     pool = stood.pool if stood else None
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
     recorded, radiance = scene.episode.views[name], None

@@ -7,9 +7,10 @@ strengths and exponent come out of it alone; then each thing has its own color o
 and its own on metals, and its own exponent.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int, UInt8
@@ -128,6 +129,11 @@ def _matte(scene: Scene) -> Episode:
         for name, view in scene.episode.views.items()
     }
     return replace(scene.episode, views=views)
+
+
+def seen_by(scene: Scene, view: CameraView, t: int) -> Callable[..., Any] | None:
+    """`on` for one image, None without highlights: where things lie need not be known then."""
+    return None if find(scene) is None else partial(on, scene, view, t)
 
 
 def on(

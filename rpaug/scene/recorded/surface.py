@@ -21,13 +21,11 @@ EXTENT = 2.0  # standard deviations of a Gaussian that its one color stands for
 
 Depth = Callable[[], Float32[np.ndarray, "h w"]]
 Light = Callable[[], Float32[np.ndarray, "h w"] | None] | None
-Shine = (
-    Callable[
-        [Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Int32[np.ndarray, "n"]],
-        Float32[np.ndarray, "n 3"] | None,
-    ]
-    | None
-)
+Mirrored = Callable[
+    [Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"], Int32[np.ndarray, "n"]],
+    Float32[np.ndarray, "n 3"] | None,
+]
+Shine = Callable[[], Mirrored | None] | None
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,8 @@ class PixelSurface:
     """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
 
     `pool` says what other frames of the same camera showed beside them, None for this one alone; `light` is an image
-    of `lit.share`, or None where nothing tells; `shine` gives what points, normals and instance ids in the world show
-    mirrored.
+    of `lit.share`, or None where nothing tells; `shine` gives, where highlights are known, what
+    tells of points, normals and instance ids in the world what they show mirrored.
     """
 
     rows: Int[np.ndarray, "n"]
@@ -78,10 +76,11 @@ class PixelSurface:
 
     @property
     def mirrored(self) -> Float32[np.ndarray, "n 3"] | None:
-        if self.shine is None:
+        shine = self.shine() if self.shine else None
+        if shine is None:
             return None
         points, facing, _ = self._in_world
-        return self.shine(points, facing, self.ids)
+        return shine(points, facing, self.ids)
 
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
