@@ -71,9 +71,10 @@ def find(scene: Scene) -> Rig | None:
 
 def recorded(scene: Scene) -> Scene:
     """The scene as it was recorded, whatever was edited since: lamps and shadows are sought there."""
+    bodies = tuple(body for body in scene.tracked if body.mesh is None and body.soft is None)
     return replace(
         memo.bare(scene),
-        bodies=scene.tracked,
+        bodies=bodies,  # without what edits put in
         recorded_bodies=None,
         cameras=NO_CAMERAS,
         simulated=(),

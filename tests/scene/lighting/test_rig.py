@@ -1,11 +1,14 @@
 """Lamps are taken only where known surfaces cast the shadows that are seen; their fit on the twin is in
 `test_intrinsic`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic import TABLE, scene, seen_by
 
-from rpaug.core.types import Scene
+from rpaug.assets import library
+from rpaug.core.types import Body, Scene
 from rpaug.scene.lighting import intrinsic, rig
 from rpaug.scene.recorded import lit
 
@@ -37,6 +40,14 @@ def test_lamps_whose_shadows_are_not_those_seen_are_refused(wandering: Scene) ->
     assert before is not None
     assert told.min() < 0.85
     assert told.tobytes() == before.tobytes()
+
+
+def test_what_edits_put_in_is_no_part_of_the_recording(wandering: Scene) -> None:
+    """Else lamps and highlights would be sought anew for each copy with a distractor."""
+    recorded, pose = rig.recorded(wandering), np.tile(np.eye(4), (LENGTH, 1, 1))
+    cup = Body(frozenset([99]), pose, "static", mesh=library.mesh("mug_blue"))
+    added = rig.recorded(replace(wandering, bodies=(*wandering.bodies, cup)))
+    assert added.bodies == recorded.bodies == wandering.bodies
 
 
 def test_no_lamp_is_without_strength(wandering: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
