@@ -27,9 +27,13 @@ console = Console(stderr=True, emoji=False)
 
 def dataset_path(given: str) -> Path:
     """What an argument names: `sample` is the dataset that ships, and of one at a URL a copy is fetched."""
-    from rpaug.core import registry, remote
+    from rpaug.core import registry
 
-    return remote.RemoteFolder(given).fetch() if remote.is_url(given) else registry.dataset(given)
+    if "://" not in given:
+        return registry.dataset(given)
+    from rpaug.core.remote import RemoteFolder  # only here: it brings what images are read with
+
+    return RemoteFolder(given).fetch()
 
 
 @contextmanager

@@ -51,7 +51,7 @@ def test_a_run_from_and_to_a_store_has_the_bytes_of_one_on_a_disk(
 
 def same_bytes(url: str, store: fsspec.AbstractFileSystem, root: str, folder: Path) -> None:
     """Put the dataset there, run over it, go on with the finished run, on another machine as well, and compare."""
-    store.put(str(folder / "data"), root, recursive=True)
+    store.put(f"{folder}/data/", f"{root}/data/", recursive=True)
     given = ("--recipe", folder / "r.yaml")
     assert run("augment", folder / "data/in", *given, "--out", folder / "out/one")[0] == 0
     wanted = noted(folder / "out/one")

@@ -14,7 +14,9 @@ IDS = np.ones((2, 2), np.int32)
 
 
 class Nowhere:
-    """Surfaces of which nothing is asked."""
+    """Surfaces of which nothing is known."""
+
+    mirrored = None
 
 
 def edited(*edits: object, radiance: np.ndarray | None = RADIANCE) -> np.ndarray:

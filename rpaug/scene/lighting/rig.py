@@ -69,6 +69,7 @@ def find(scene: Scene) -> Rig | None:
     return _find(recorded(scene)) if scene.bodies else None
 
 
+@memo.once
 def recorded(scene: Scene) -> Scene:
     """The scene as it was recorded, whatever was edited since: lamps and shadows are sought there."""
     bodies = tuple(body for body in scene.tracked if body.mesh is None and body.soft is None)
