@@ -1,6 +1,6 @@
 """Augmented frames per second and core in a training loop, the first sample's seconds, and memory over a soak.
 
-    python tools/bench/training.py DATASET [--soak 3600] [--workers 2] [--json]
+    python tools/bench/training.py DATASET [--only fixed] [--soak 3600] [--workers 2] [--json]
 
 DATASET is in any layout rpaug reads, with cameras. Frames are key frames of all cameras, drawn anew each epoch from
 scenes kept in a temporary folder. `moved` counts the frames of moved cameras alone, `fixed` all. Seconds are of the
@@ -50,6 +50,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--epochs", type=int, default=20)
+    parser.add_argument(
+        "--only", choices=["fixed", "moved"], help="edits of fixed cameras, or moved ones"
+    )
     parser.add_argument("--soak", type=float, default=0.0, help="seconds")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true")
@@ -71,6 +74,8 @@ def measure(given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     views = adapter.read(given.dataset, adapter.episodes(given.dataset)[0]).views
     moved = MOVED | {"camera": [name for name, view in views.items() if view.camera.fixed]}
     for name, edit in (("fixed", FIXED), ("moved", moved)):
+        if given.only not in (None, name):
+            continue
         recipes[name] = folder / f"{name}.yaml"
         recipes[name].write_text(json.dumps({"version": 1, "edits": [edit]}))
         for state in ("cold", "kept"):
