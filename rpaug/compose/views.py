@@ -209,20 +209,18 @@ def _finished(
     """The image with what was inserted, and every appearance edit on all of it."""
     camera = scene.cameras[name]
     rgb, depth, ids = inserted.draw(scene, camera, t, before)
-    made = stood.grain() if stood else None
+    view, made = scene.episode.views[name], stood.grain() if stood else None
     if made is not None:
-        rgb = made.onto(scene.episode.views[name].rgb(t), before[0], rgb, hole)
-
-    view = scene.episode.views[name]
+        rgb = made.onto(view.rgb(t), before[0], rgb, hole)
     light = partial(_light, scene, name, t, ids) if stood else None
     still = stood and view.depth is not None and scene.recorded_bodies is None
     shine = partial(highlights.seen_by, scene, view, t) if still else None
     pool = stood.pool if stood else None
     surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
-    recorded, radiance = scene.episode.views[name], None
-    if stood and recorded.radiance:
-        same = (rgb == recorded.rgb(t)).all(-1, keepdims=True)
-        radiance = np.where(same, recorded.radiance(t), np.float32(0))
+    radiance = None
+    if stood and view.radiance:
+        same = (rgb == view.rgb(t)).all(-1, keepdims=True)
+        radiance = np.where(same, view.radiance(t), np.float32(0))
     image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
     return Frame(image, depth, ids, hole & (ids == before[2]))
 
