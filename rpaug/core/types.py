@@ -358,6 +358,9 @@ class Appearance(Protocol):
     attribute, show no surface and are left as they are. It is called with colors in display sRGB 0..1 and
     with where they lie, and must treat every row alone, so that any carrier (pixels, surfels, Gaussians) can use it.
     What depends on `surface.points` and `surface.normals` alone is the same in all cameras and at all times.
+
+    A class may have a static method `stacked(several, device)` that gives the same by torch for edits of many images
+    at once (`Stacked`), within 1e-4: frames are then drawn on a GPU where one is asked for.
     """
 
     @property
@@ -366,6 +369,10 @@ class Appearance(Protocol):
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]: ...
+
+
+Stacked = Callable[[Any, Any, Any], Any]
+"""Colors (n, 3), which of the edits each row belongs to (n,), and where the rows lie, all tensors: edited colors."""
 
 
 class Sensor(Protocol):

@@ -1,14 +1,14 @@
 """Turn the scene's lamps to another color, as COLOSSEUM's `light_color` does."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float32
 
 from rpaug.core.interfaces import Edit, Examples, Operator
-from rpaug.core.types import Effect, Scene, Surface
+from rpaug.core.types import Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Unit
 from rpaug.scene.lighting import light
 
@@ -32,6 +32,13 @@ class Gain:
         if not self.unlit:
             return lit
         return np.where(np.isin(surface.ids, self.unlit)[:, None], color, lit)
+
+    @staticmethod
+    def stacked(several: Sequence["Gain"], device: Any) -> Stacked:
+        """Edits of many images at once."""
+        from rpaug.operators import stacked  # only here: it brings torch
+
+        return stacked.gains(several, device)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float32
@@ -11,7 +11,7 @@ from rpaug.core import color_space
 from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.jit import kernel
-from rpaug.core.types import Appearance, Effect, Scene, Surface
+from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Color
 from rpaug.scene.lighting import albedo, gamut, intrinsic, shading
 from rpaug.scene.targets import agreement, targets
@@ -51,6 +51,13 @@ class AlbedoRatio:
             return painted
         mine = np.isin(albedo.owners(color, self.hues), self.part)
         return np.where(mine[:, None], painted, color)
+
+    @staticmethod
+    def stacked(several: Sequence["AlbedoRatio"], device: Any) -> Stacked:
+        """Edits of many images at once."""
+        from rpaug.operators import stacked  # only here: it brings torch
+
+        return stacked.ratios(several, device)
 
 
 @kernel

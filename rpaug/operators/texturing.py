@@ -1,5 +1,6 @@
 """What the texture operators share: drawing a texture, finding its frame, and laying it under the recorded light."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from rpaug.assets.textures.mapping import Mapping, Texture
 from rpaug.core import color_space, geometry
 from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
-from rpaug.core.types import Appearance, Effect, Scene, Surface
+from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB
 from rpaug.scene.lighting import albedo, intrinsic, shading
 from rpaug.scene.targets import agreement, targets
@@ -103,6 +104,13 @@ class Textured:
                 self.smooth.of(shade / np.maximum(lit, 0.02), surface.points, surface.facing) * lit
             )
         return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
+
+    @staticmethod
+    def stacked(several: Sequence["Textured"], device: Any) -> Stacked:
+        """Edits of many images at once."""
+        from rpaug.operators import stacked  # only here: it brings torch
+
+        return stacked.textures(several, device)
 
     def _albedo(self, surface: Surface) -> Float32[np.ndarray, "n 3"]:
         turn = self.to_texture[:3, :3].astype(np.float32)

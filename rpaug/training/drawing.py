@@ -2,6 +2,7 @@
 
 import warnings
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,15 +13,18 @@ from rpaug.training.schedule import Schedule
 from rpaug.training.verdicts import CopyVerdict, Verdicts
 
 KEPT_DRAWS = 2  # edited scenes: each keeps its recorded one, and decoded images of it
+KEPT_PLAIN = 512  # of those whose images are drawn on a device, which keep none
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """An episode with what was drawn for it; `skipped` says why it comes as recorded although a copy was due."""
+    """An episode with what was drawn for it; `skipped` says why it comes as recorded although a copy was due. `made`
+    is the copy that was made."""
 
     episode: Episode
     edits: list[dict[str, Any]] = field(default_factory=list)
     skipped: str = ""
+    made: Made | None = None
 
 
 class Draws:
@@ -31,8 +35,12 @@ class Draws:
     the recipe says `on_missing: fail`, what an edit lacks is raised (`Missing`).
     """
 
-    def __init__(self, scenes: Scenes, schedule: Schedule) -> None:
+    def __init__(
+        self, scenes: Scenes, schedule: Schedule, light: Callable[[Drawn], bool] | None = None
+    ) -> None:
+        """`light` tells copies that keep no images: more of those are held."""
         self.scenes, self.schedule, self.keys = scenes, schedule, scenes.keys
+        self._light = light
         self.verdicts = Verdicts(scenes.folder)
         self._held: OrderedDict[tuple[int, int], Drawn] = OrderedDict()
 
@@ -42,9 +50,15 @@ class Draws:
         if asked not in self._held:
             self._held[asked] = self._drawn(index, epoch)
         self._held.move_to_end(asked)
-        if len(self._held) > KEPT_DRAWS:
+        heavy = [one for one, drawn in self._held.items() if not self._is_light(drawn)]
+        for one in heavy[:-KEPT_DRAWS]:
+            del self._held[one]
+        if len(self._held) > KEPT_PLAIN:
             self._held.popitem(last=False)
         return self._held[asked]
+
+    def _is_light(self, drawn: Drawn) -> bool:
+        return self._light is not None and self._light(drawn)
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_held": OrderedDict()}
@@ -64,7 +78,7 @@ class Draws:
             if draw.option and draw.left_out:
                 words = f"{key}: {draw.option.name} is left out: {draw.left_out}"
                 warnings.warn(words, stacklevel=2)
-        return Drawn(made.recorded, [draw.describe() for draw in made.draws])
+        return Drawn(made.recorded, [draw.describe() for draw in made.draws], made=made)
 
     def _judged(self, ready: Ready, copy: int) -> tuple[Made | None, tuple[str, ...]]:
         """The copy, or None and why it is rejected. A copy that gates judged once is not judged again."""

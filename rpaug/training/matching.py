@@ -99,20 +99,35 @@ def scale(
         off = np.abs(own * factor + offset - theirs)
         reach = factor * max(float(np.ptp(own)), 1.0)
         if not (off.mean() <= MEAN * reach and np.quantile(off, 0.99) <= WORST * reach):
-            raise Unsupported(
-                f"{name}: found another image than was recorded there; expected the recorded frame, at most "
-                "resized, coded or normalised. Do `episode` and `frame` name the sample's own?"
-            )
+            raise Unsupported(strange(name))
         lines.append((factor, offset))
     factors, offsets = np.array(lines, np.float32).T
     return factors, offsets
 
 
+def strange(name: str) -> str:
+    """What is said of a sample that does not show what was recorded."""
+    return (
+        f"{name}: found another image than was recorded there; expected the recorded frame, at most "
+        "resized, coded or normalised. Do `episode` and `frame` name the sample's own?"
+    )
+
+
 def _line(own: np.ndarray, theirs: np.ndarray) -> tuple[float, float]:
     """The usual factor and offset that fit best, or where none fits well, the least squares line."""
     errors = [float(np.mean(np.abs(own * a + b - theirs)) / a) for a, b in USUAL]
+    return line_of(errors, (own, theirs))
+
+
+def line_of(errors: Sequence[float], values: tuple[Any, Any]) -> tuple[float, float]:
+    """The usual factor and offset with the least error, of 255; where that is large, the line through `values`,
+    recorded and the sample's: arrays or tensors."""
     best = int(np.argmin(errors))
-    if errors[best] <= 1.0 or np.ptp(own) < 1.0:  # of 255
+    own, theirs = values
+    if errors[best] <= 1.0 or float(own.max() - own.min()) < 1.0:
         return USUAL[best]
-    factor, offset = np.polyfit(own, theirs, 1)
+    own, theirs = (
+        part.cpu().numpy() if isinstance(part, torch.Tensor) else part for part in values
+    )
+    factor, offset = np.polyfit(own.ravel().astype(float), theirs.ravel().astype(float), 1)
     return max(float(factor), 1e-9), float(offset)

@@ -1,23 +1,26 @@
 """Augmentation around a dataset that people already have: its own samples, with edited images put in their place."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import torch
 from torch.utils.data import Dataset, IterableDataset
 
-from rpaug.core import geometry, registry
+from rpaug.core import devices, geometry, registry
 from rpaug.core.errors import Unsupported
-from rpaug.core.types import CameraView
+from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import inputs
 from rpaug.pipeline.inputs import RecipeLike
 from rpaug.training import matching
-from rpaug.training.drawing import Draws
+from rpaug.training.drawing import Drawn, Draws
 from rpaug.training.matching import Layout
 from rpaug.training.scenes import Scenes
 from rpaug.training.schedule import Schedule, epoch_number
+
+if TYPE_CHECKING:
+    from rpaug.training.on_device import OnDevice, Row
 
 Kind = Literal["rgb", "depth", "ids", "points", "K", "cam_to_world"]
 Sample = Any
@@ -41,8 +44,9 @@ class Wrapper:
         episode: Callable[[Sample], Any],
         frame: Callable[[Sample], Any],
         cameras: Cameras,
+        device: "OnDevice | None" = None,
     ) -> None:
-        self.draws, self.episode, self.frame = draws, episode, frame
+        self.draws, self.episode, self.frame, self.device = draws, episode, frame, device
         self.cameras: dict[str, dict[Kind, str]] = {
             name: {"rgb": keys} if isinstance(keys, str) else dict(keys)
             for name, keys in cameras.items()
@@ -74,31 +78,63 @@ class Wrapper:
             made = self._edited(named, asked, places)
         else:  # a batch
             rows = [
-                self._edited(one, t, {place: value[row] for place, value in places.items()})
-                for row, (one, t) in enumerate(zip(named, asked, strict=True))
+                {place: value[row] for place, value in places.items()} for row in range(len(named))
             ]
-            made = {place: _stacked([row[place] for row in rows]) for place in places}
+            edited = self._batch(list(zip(named, asked, strict=True)), rows)
+            made = {place: _stacked([row[place] for row in edited]) for place in places}
         for place, value in made.items():
             if value is not places[place]:
                 sample = _put(sample, place, value)
         return sample
+
+    def _batch(
+        self, asked: Sequence[tuple[Any, Any]], rows: Sequence[Mapping[str, Any]]
+    ) -> list[dict[str, Any]]:
+        """What stands at the places of each row once its episode is edited: drawn on a device, where one serves."""
+        made: list[dict[str, Any] | None] = [None] * len(rows)
+        if self.device is not None:
+            made = self.device(
+                [self._row(*one) for one in zip(asked, rows, strict=True)], self.cameras
+            )
+        return [
+            self._edited(*one, row) if own is None else own
+            for one, row, own in zip(asked, rows, made, strict=True)
+        ]
+
+    def _row(self, asked: tuple[Any, Any], places: Mapping[str, Any]) -> "Row | None":
+        from rpaug.training.on_device import Row  # only here: it is asked for with a device
+
+        drawn = self._drawn(self._key(asked[0]))
+        if drawn is None:
+            return None
+        return Row(drawn, self._frames(drawn.episode, asked[1]), places)
+
+    def _drawn(self, key: str) -> Drawn | None:
+        """The copy of an episode; None where the recipe does not select it, or nothing is edited."""
+        if key not in self.number:
+            return None
+        drawn = self.draws(self.number[key], self.epoch)
+        return drawn if drawn.edits else None
+
+    def _frames(self, episode: Episode, asked: Any) -> list[int]:
+        frames = [int(t) for t in np.atleast_1d(np.asarray(asked))]
+        for t in frames:
+            if not 0 <= t < episode.length:
+                raise Unsupported(
+                    f"{episode.key}: found frame {t}; expected 0 to {episode.length - 1}"
+                )
+        return frames
 
     def _edited(
         self, named: str | int | np.integer, asked: Any, places: Mapping[str, Any]
     ) -> dict[str, Any]:
         """What stands at those places once the episode is edited."""
         made, key = dict(places), self._key(named)
-        if key not in self.number:
-            return made  # the recipe does not select it
-        drawn = self.draws(self.number[key], self.epoch)
-        if not drawn.edits:
+        drawn = self._drawn(key)
+        if drawn is None:
             return made
-        edited = drawn.episode
-        recorded = self.draws.scenes(key).episode
-        frames = [int(t) for t in np.atleast_1d(np.asarray(asked))]
-        for t in frames:
-            if not 0 <= t < recorded.length:
-                raise Unsupported(f"{key}: found frame {t}; expected 0 to {recorded.length - 1}")
+        edited, recorded = drawn.episode, self.draws.scenes(key).episode
+        frames = self._frames(recorded, asked)
         for camera, keys in self.cameras.items():
             if camera not in recorded.views:
                 known = ", ".join(recorded.views)
@@ -162,6 +198,7 @@ def wrap(
     schedule: Schedule | None = None,
     scenes: Path | str | None = None,
     tier: int = 0,
+    device: str = "cpu",
 ) -> WrappedDataset | WrappedStream:
     """`dataset` with the images of its samples edited as the recipe says, one draw per (epoch, episode).
 
@@ -173,7 +210,9 @@ def wrap(
     `{"front": {"rgb": "front_rgb", "points": "front_point_cloud"}}` with the kinds rgb, depth (metres), ids, points
     (metres, world), K and cam_to_world (camera axes of OpenCV, CoppeliaSim or OpenGL). Axes, range, normalisation and
     size of images are found by comparing with the recording; a sample that does not show the recorded frame is refused.
-    Arrays and tensors keep their type and shape.
+    Arrays and tensors keep their type and shape. With a `device` ("cuda", "cuda:1", "auto"), color images of batches
+    are drawn there, where recorded frames stay: wrap the loader then, whose batches may lie on the device already. What
+    is drawn on the host all the same, rows of copies with moved cameras or put-in things, is as it is without.
     Samples must be mappings; they are copied where they change. Raises BadInput, BadRecipe, Unsupported.
     """
     for camera, keys in cameras.items():
@@ -187,10 +226,21 @@ def wrap(
         inputs.tier(tier),
         Path(scenes) if scenes else None,
     )
-    wrapper = Wrapper(Draws(held, schedule or Schedule()), episode, frame, cameras)
+    drawer = _drawer(device)
+    draws = Draws(held, schedule or Schedule(), drawer.light if drawer else None)
+    wrapper = Wrapper(draws, episode, frame, cameras, drawer)
     if hasattr(dataset, "__getitem__") and hasattr(dataset, "__len__"):
         return WrappedDataset(dataset, wrapper)
     return WrappedStream(dataset, wrapper)
+
+
+def _drawer(device: str) -> "OnDevice | None":
+    """What draws on a GPU; None for the host. Raises Unsupported."""
+    if device == "cpu" or (found := devices.torch_device(device)).type == "cpu":
+        return None
+    from rpaug.training.on_device import OnDevice  # only here: its modules are many
+
+    return OnDevice(found)
 
 
 def _shown(

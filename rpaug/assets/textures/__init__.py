@@ -1,3 +1,3 @@
 """Textures: a set that ships as code, the user's own images, and how either lies on a surface."""
 
-__all__ = ["folder", "mapping", "shipped"]
+__all__ = ["batched", "folder", "mapping", "shipped"]

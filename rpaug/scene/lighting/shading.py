@@ -100,12 +100,18 @@ class Smooth:
         weights = np.array(self.weights, np.float32)
         fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
         darker = np.log(np.maximum(measured / self.level, 1e-3) / fitted)
+        low, high = self.shadows
+        kept = np.clip((-darker - low) / (high - low), 0, 1)
+        return (fitted * np.exp(kept * darker)).astype(np.float32)
+
+    @property
+    def shadows(self) -> tuple[float, float]:
+        """By how much in log brightness a place may be, and is, darker than the fit where it lies in shadow."""
         low, high = (
             max(spreads * self.spread, least)
             for spreads, least in zip(SPREADS, SHADOW, strict=True)
         )
-        kept = np.clip((-darker - low) / (high - low), 0, 1)
-        return (fitted * np.exp(kept * darker)).astype(np.float32)
+        return low, high
 
     def describe(self) -> dict[str, Any]:
         """Plain values, from which `Smooth(**values)` makes it again."""

@@ -93,9 +93,9 @@ class PixelSurface:
     def _in_bodies(self) -> tuple[np.ndarray, np.ndarray]:
         points, facing, _ = self._in_world
         points, normals, ids = points.copy(), facing.copy(), self.ids
-        moved = _moved(self.bodies, self.t)
-        shown = _shown(ids, np.array([instance_id for instance_id, _ in moved], ids.dtype))
-        for (instance_id, pose), seen in zip(moved, shown, strict=True):
+        away = moved(self.bodies, self.t)
+        shown = _shown(ids, np.array([instance_id for instance_id, _ in away], ids.dtype))
+        for (instance_id, pose), seen in zip(away, shown, strict=True):
             if seen:
                 held = ids == instance_id
                 back = geometry.inverse(pose)
@@ -195,7 +195,7 @@ class GaussianSurface:
         shortest = self.gaussians.scales[self.rows].argmin(1)
         normals = turned[np.arange(len(self.rows)), :, shortest].astype(np.float32)
         points, facing, ids = self.points.copy(), normals.copy(), self.ids
-        for instance_id, pose in _moved(self.bodies, self.t):
+        for instance_id, pose in moved(self.bodies, self.t):
             held = ids == instance_id
             points[held] = geometry.transform(pose, points[held])
             facing[held] = facing[held] @ pose[:3, :3].T
@@ -211,7 +211,7 @@ def of_gaussians(
     return lambda rows: GaussianSurface(rows, gaussians, camera, t, bodies)
 
 
-def _moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray, "4 4"]]]:
+def moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray, "4 4"]]]:
     """Handles, and poses of their bodies, of what is not where its body's own frame is."""
     return [
         (instance_id, body.to_world[t])
