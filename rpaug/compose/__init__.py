@@ -1,3 +1,3 @@
 """The edited scene turned into images: every camera's views, what was added, the joint refinement."""
 
-__all__ = ["inserted", "joint", "tuned", "views"]
+__all__ = ["batched", "inserted", "joint", "tuned", "views"]

@@ -71,11 +71,13 @@ def edited(
     watch: Watch,
     blended: Mapping[str, frozenset[int]] | None = None,
     kept: Callable[[], surfels.Surfels] | None = None,
+    device: str = "cpu",
 ) -> Episode:
     """The episode the scene now shows. Images that no edit reaches keep their recorded accessors.
 
     `blended` names the instance ids that Gaussians show in a camera whose other pixels are surfels. `kept` gives the
-    surfels of the recorded scene, where they were built before.
+    surfels of the recorded scene, where they were built before. Another `device` than "cpu" makes edits of appearance,
+    of several frames at once.
     """
     near, shared = scene, None
     if 1 in representations.values():  # each camera's view is drawn from all cameras' images
@@ -94,13 +96,15 @@ def edited(
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
-            views[name] = _rendered(scene, name, partial(_recorded, scene, name, stood), watch)
+            base = partial(_recorded, scene, name)
+            views[name] = _rendered(scene, name, _finished(scene, name, stood, base, device), watch)
         elif representations[name] == 0 or blank:
-            views[name] = _composited(scene, name, stood, watch)
+            views[name] = _composited(scene, name, stood, watch, device)
         elif shared is not None and representations[name] == 1:
-            render = partial(_surfels, near, shared, name, stood)
+            base = partial(_surfels, near, shared, name)
+            render = _finished(near, name, stood, base, device)
             if blended and blended.get(name):
-                render = partial(_blended, near, shared, name, stood, blended[name])
+                render = partial(_blended, near, render, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
             render = partial(_gaussians, scene if whole is None else whole, name)
@@ -131,13 +135,14 @@ def sense(
     return image
 
 
-def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> CameraView:
+def _composited(
+    scene: Scene, name: str, stood: Stands | None, watch: Watch, device: str
+) -> CameraView:
     view = scene.episode.views[name]
     if not scene.appearance and not scene.sensor:
         return view
 
-    def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
-        start = time.thread_time()
+    def host(t: int) -> UInt8[np.ndarray, "h w 3"]:
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
         shine = (
@@ -145,11 +150,15 @@ def _composited(scene: Scene, name: str, stood: Stands | None, watch: Watch) -> 
         )
         pool = stood.pool if stood else None
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
-        before = view.rgb(t)
         radiance = view.radiance(t) if view.radiance else None
-        image = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
-        image = sense(scene.sensor, image, name, t)
-        watch(RenderedFrame(name, t, before, image, None, time.thread_time() - start))
+        return composite(view.rgb(t), ids, scene.appearance, scene.antialiased, surfaces, radiance)
+
+    draw = _on_device(scene, name, device) or host
+
+    def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
+        start = time.thread_time()
+        image = sense(scene.sensor, draw(t), name, t)
+        watch(RenderedFrame(name, t, view.rgb(t), image, None, time.thread_time() - start))
         return image
 
     return replace(view, rgb=rgb, radiance=None)
@@ -178,51 +187,105 @@ def _rendered(scene: Scene, name: str, render: Callable[[int], Frame], watch: Wa
     )
 
 
-def _recorded(scene: Scene, name: str, stood: Stands | None, t: int) -> Frame:
-    """What was recorded, with what was inserted."""
+def _on_device(
+    scene: Scene, name: str, device: str
+) -> Callable[[int], UInt8[np.ndarray, "h w 3"]] | None:
+    """What draws a camera's recorded frames under edits of appearance on a device; None where the host does."""
+    if device == "cpu" or not scene.appearance:
+        return None
+    from rpaug.compose import batched  # only here: it brings torch
+
+    if not batched.drawable(scene, name):
+        return None
+    return batched.ahead(scene, name, device)
+
+
+Whole = tuple[inserted.Image, Bool[np.ndarray, "h w"]]
+"""Color, depth and ids of an image before things are put in and appearance is edited, and its holes."""
+
+
+def _recorded(scene: Scene, name: str, t: int) -> Whole:
+    """What was recorded."""
     view = scene.episode.views[name]
     depth = surface.depth_of(view, t)
     if depth is None:
         raise SourceLacks(
             f"{name}: inserting things needs recorded depth, and this source has none"
         )
-    rgb = view.rgb(t)
     ids = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
-    return _finished(scene, name, stood, t, (rgb, depth, ids), np.zeros(depth.shape, bool))
+    return (view.rgb(t), depth, ids), np.zeros(depth.shape, bool)
 
 
-def _surfels(
-    scene: Scene, shared: surfels.Surfels, name: str, stood: Stands | None, t: int
-) -> Frame:
+def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Whole:
     drawn = surfels.view(shared, scene, name, t)
-    return _finished(scene, name, stood, t, (drawn.image, drawn.depth, drawn.ids), drawn.hole)
+    return (drawn.image, drawn.depth, drawn.ids), drawn.hole
 
 
 def _finished(
+    scene: Scene, name: str, stood: Stands | None, base: Callable[[int], Whole], device: str
+) -> Callable[[int], Frame]:
+    """Images with what was inserted, and every appearance edit on all of it."""
+    camera, view = scene.cameras[name], scene.episode.views[name]
+
+    def filled(t: int) -> tuple[inserted.Image, Bool[np.ndarray, "h w"]]:
+        before, hole = base(t)
+        rgb, depth, ids = inserted.draw(scene, camera, t, before)
+        made = stood.grain() if stood else None
+        if made is not None:
+            rgb = made.onto(view.rgb(t), before[0], rgb, hole)
+        return (rgb, depth, ids), hole & (ids == before[2])
+
+    def frame(t: int) -> Frame:
+        (rgb, depth, ids), hole = filled(t)
+        light, shine = _told(scene, name, stood, t, ids)
+        pool = stood.pool if stood else None
+        surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
+        radiance = None
+        if stood and view.radiance:
+            same = (rgb == view.rgb(t)).all(-1, keepdims=True)
+            radiance = np.where(same, view.radiance(t), np.float32(0))
+        image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
+        return Frame(image, depth, ids, hole)
+
+    return _finished_on_device(scene, name, stood, filled, device) or frame
+
+
+def _told(
+    scene: Scene, name: str, stood: Stands | None, t: int, ids: Int32[np.ndarray, "h w"]
+) -> tuple[surface.Light, surface.Shine]:
+    """What tells of the light and of the highlights in an image of a camera that stands as it was recorded."""
+    view = scene.episode.views[name]
+    light = partial(_light, scene, name, t, ids) if stood else None
+    still = stood and view.depth is not None and scene.recorded_bodies is None
+    return light, partial(highlights.seen_by, scene, view, t) if still else None
+
+
+def _finished_on_device(
     scene: Scene,
     name: str,
     stood: Stands | None,
-    t: int,
-    before: inserted.Image,
-    hole: Bool[np.ndarray, "h w"],
-) -> Frame:
-    """The image with what was inserted, and every appearance edit on all of it."""
-    camera = scene.cameras[name]
-    rgb, depth, ids = inserted.draw(scene, camera, t, before)
-    view, made = scene.episode.views[name], stood.grain() if stood else None
-    if made is not None:
-        rgb = made.onto(view.rgb(t), before[0], rgb, hole)
-    light = partial(_light, scene, name, t, ids) if stood else None
-    still = stood and view.depth is not None and scene.recorded_bodies is None
-    shine = partial(highlights.seen_by, scene, view, t) if still else None
-    pool = stood.pool if stood else None
-    surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
-    radiance = None
-    if stood and view.radiance:
-        same = (rgb == view.rgb(t)).all(-1, keepdims=True)
-        radiance = np.where(same, view.radiance(t), np.float32(0))
-    image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
-    return Frame(image, depth, ids, hole & (ids == before[2]))
+    filled: Callable[[int], Whole],
+    device: str,
+) -> Callable[[int], Frame] | None:
+    """The same, appearance edited on a device; None where the host does it."""
+    if device == "cpu" or not scene.appearance or scene.episode.views[name].radiance:
+        return None
+    from rpaug.compose import batched  # only here: it brings torch
+
+    if not batched.editable(scene):
+        return None
+
+    def bases(t: int) -> tuple[batched.Base, Bool[np.ndarray, "h w"]]:
+        (rgb, depth, ids), hole = filled(t)
+        return batched.Base(rgb, depth, ids, *_told(scene, name, stood, t, ids)), hole
+
+    images = batched.ahead_over(scene, name, device, bases)
+
+    def frame(t: int) -> Frame:
+        image, base, hole = images(t)
+        return Frame(image, base.depth, base.ids, hole)
+
+    return frame
 
 
 def _light(
@@ -236,14 +299,13 @@ def _light(
 
 def _blended(
     scene: Scene,
-    shared: surfels.Surfels,
+    surfels_frame: Callable[[int], Frame],
     name: str,
-    stood: Stands | None,
     instance_ids: frozenset[int],
     t: int,
 ) -> Frame:
     """Surfels, but where both carriers show one of the instance ids everything is the Gaussians'."""
-    base, over = _surfels(scene, shared, name, stood, t), _gaussians(scene, name, t)
+    base, over = surfels_frame(t), _gaussians(scene, name, t)
     ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(
         np.where(ours[..., None], over.rgb, base.rgb),

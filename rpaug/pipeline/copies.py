@@ -41,6 +41,7 @@ class PreparedEpisode:
     recipe: Recipe
     surfels: Callable[[], Surfels] | None = None
     keep_invalid: bool = False
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -199,7 +200,7 @@ def _made(
         return instruct.followed(scene, edits, recipe.wording, rng)
 
     counted = gates is not None and gates.outside is not None
-    made = render(scene, draws, prepared.plan, counted, prepared.surfels, words)
+    made = render(scene, draws, prepared.plan, counted, prepared.surfels, words, prepared.device)
     known = [made.untrue] if made.untrue else []
     known += [] if prepared.keep_invalid else verdict.invalid(scene.simulated)
     if prepared.recipe.self_check:
@@ -263,6 +264,7 @@ def render(
     counted: bool = False,
     kept: Callable[[], Surfels] | None = None,
     words: Words = instruct.followed,
+    device: str = "cpu",
 ) -> Made:
     """The edited episode, every image still to be rendered when a writer or a trainer asks for it.
 
@@ -306,7 +308,7 @@ def render(
         own = (v for n, v in episode.views.items() if v.rgb is not scene.episode.views[n].rgb)
         return sum(1 for _ in own) * episode.length
 
-    episode = views.edited(shown, settled.representations, watch, settled.blended, kept)
+    episode = views.edited(shown, settled.representations, watch, settled.blended, kept, device)
     return Made(episode, scene, draws, settled, tally, untrue, left)
 
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from devices import DEVICES
 from rpaug_adapters.rlbench import RLBench
 
 from rpaug import Unsupported
-from rpaug.core import devices
+from rpaug.core.devices import torch_device
 from rpaug.training import wrap, wrapping
 from rpaug.training.on_device import OnDevice
 
@@ -23,13 +24,6 @@ LIGHT = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
 MOVE = {"op": "camera_pose", "camera": "front", "shift": 0.03}
 CAMERAS = {"front": {"rgb": "front_rgb", "depth": "front_depth"}}
 ON_CPU = torch.device("cpu")
-GPU = pytest.param(
-    torch.device("cuda"),
-    marks=[
-        pytest.mark.gpu,
-        pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA GPU"),
-    ],
-)
 
 
 class Batches:
@@ -80,7 +74,7 @@ def torch_draws(monkeypatch: pytest.MonkeyPatch) -> list[OnDevice]:
     return made
 
 
-@pytest.mark.parametrize("device", [ON_CPU, GPU])
+@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(
     "edits",
     [[PAINT], [TEXTURE], [LIGHT], [TEXTURE, LIGHT, PAINT]],
@@ -137,10 +131,10 @@ def test_a_batch_that_shows_another_frame_is_refused(
 def test_devices_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(Unsupported, match="sees no CUDA GPU"):
-        devices.torch_device("cuda")
+        torch_device("cuda")
     with pytest.raises(Unsupported, match="expected auto, cpu, cuda"):
-        devices.torch_device("gpu")
+        torch_device("gpu")
     with pytest.raises(Unsupported, match="expected auto, cpu, cuda"):
-        devices.torch_device("meta")
-    assert devices.torch_device("auto").type == "cpu"
+        torch_device("meta")
+    assert torch_device("auto").type == "cpu"
     assert wrapping._drawer("auto") is None
