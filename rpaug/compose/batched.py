@@ -26,7 +26,8 @@ from rpaug.scene.recorded import batched, pooled, surface
 from rpaug.scene.recorded.batched import Lifted, Moved, PlacedPixels, Places
 from rpaug.scene.recorded.surface import Light, Shine
 
-KEPT_BYTES = 2 * 2**30  # of recorded images, on the device
+KEPT_BYTES = 2 * 2**30  # of recorded images on the CPU;
+KEPT_SHARE = 1 / 8  # of a GPU's memory
 AT_ONCE = 1 << 22  # pixels of one camera drawn together
 Made = TypeVar("Made")
 
@@ -132,8 +133,8 @@ class Base:
 class Drawing:
     """Draws images on one device."""
 
-    def __init__(self, device: torch.device, kept_bytes: int = KEPT_BYTES) -> None:
-        self.device, self._most = device, kept_bytes
+    def __init__(self, device: torch.device, kept_bytes: int | None = None) -> None:
+        self.device, self._most = device, kept_bytes or _most(device)
         self._held: OrderedDict[tuple[Episode, str, int], Recorded] = OrderedDict()
         self._lock = RLock()
 
@@ -236,6 +237,12 @@ def ahead_over(
 def _ahead(scene: Scene, name: str, draw: Callable[[Sequence[int]], Iterable[Made]]) -> Ahead[Made]:
     camera = scene.cameras[name]
     return Ahead(draw, scene.episode.length, camera.width * camera.height)
+
+
+def _most(device: torch.device) -> int:
+    if device.type == "cpu":
+        return KEPT_BYTES
+    return int(KEPT_SHARE * torch.cuda.get_device_properties(device).total_memory)
 
 
 def _moved(shot: Shot) -> list[tuple[int, np.ndarray]]:

@@ -1,6 +1,6 @@
 """What was found of a scene, kept for whoever asks again: edits are tried before they are drawn, and drawn again."""
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Hashable
 from dataclasses import fields, replace
 from functools import wraps
@@ -10,21 +10,39 @@ from weakref import WeakKeyDictionary
 from rpaug.core.types import Episode, Scene
 
 ANSWERS = 32  # kept of an episode
+kept_scenes = 1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
 
 Found = TypeVar("Found")
 
 
+def keep(scenes: int) -> None:
+    """Let `last` keep answers of that many scenes from now on, for those who ask of scenes by turns."""
+    global kept_scenes  # noqa: PLW0603  # one process, one way to ask
+    kept_scenes = max(kept_scenes, scenes)
+
+
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
     """Remember the last answer, for the very same arguments: objects, sets, and tuples, episodes, scenes of such."""
-    last: list[tuple[tuple[Any, ...], Found]] = []
+    return _remembering(find, lambda: 1)
+
+
+def last(find: Callable[..., Found]) -> Callable[..., Found]:
+    """As `once`, the last answers, as many as `keep` said: for answers that take little memory."""
+    return _remembering(find, lambda: kept_scenes)
+
+
+def _remembering(find: Callable[..., Found], most: Callable[[], int]) -> Callable[..., Found]:
+    held: deque[tuple[tuple[Any, ...], Found]] = deque()
 
     @wraps(find)
     def remembered(*arguments: Any) -> Found:
-        for known, answer in last:
+        for known, answer in held:
             if len(known) == len(arguments) and all(map(_same, known, arguments)):
                 return answer
         answer = find(*arguments)
-        last[:] = [(arguments, answer)]
+        held.appendleft((arguments, answer))
+        while len(held) > most():
+            held.pop()
         return answer
 
     return remembered

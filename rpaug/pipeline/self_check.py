@@ -88,7 +88,7 @@ def of_place(recorded: Scene, made: Scene) -> Iterator[str]:
                 yield f"instance {listed} was put {_side(height)} the table"
 
 
-@memo.once
+@memo.last
 def _unborne(scene: Scene) -> str:
     """Why what the robot acts on cannot stand on the table, empty if it can or nothing is known of it.
 
@@ -195,7 +195,7 @@ def _within(points: Points, others: Points) -> bool:
     )
 
 
-@memo.once
+@memo.last
 def _workspace(scene: Scene) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]] | None:
     """The box around the gripper's path and what it acts on, None where the path is not known."""
     path = scene.episode.robot.gripper_to_world

@@ -7,7 +7,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from rpaug.core import registry
+from rpaug.core import memo, registry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Episode, Scene
 from rpaug.core.version import __version__
@@ -57,6 +57,7 @@ class Scenes:
         self.root, self.tier, self.folder = root, tier, folder
         self.recipe = recipe.settled(root)
         self.keep_invalid = keep_invalid
+        memo.keep(KEPT_SCENES)  # samples come from episodes by turns
         self.adapter = registry.adapter_for(root).name
         self._held: OrderedDict[str, Ready] = OrderedDict()
         self._bytes: dict[str, int] = {}
@@ -78,6 +79,10 @@ class Scenes:
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_held": OrderedDict(), "_bytes": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        memo.keep(KEPT_SCENES)
 
     @property
     def _full(self) -> bool:

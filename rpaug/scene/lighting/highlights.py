@@ -91,7 +91,7 @@ def find(scene: Scene) -> Highlights | None:
     return _find(rig.recorded(scene))
 
 
-@memo.once
+@memo.last
 def _find(scene: Scene) -> Highlights | None:
     episode = scene.episode
     if any(view.inferred or view.radiance is not None for view in episode.views.values()):
@@ -114,7 +114,7 @@ def matte(scene: Scene) -> Episode:
     return scene.episode if find(scene) is None else _matte(rig.recorded(scene))
 
 
-@memo.once
+@memo.last
 def _matte(scene: Scene) -> Episode:
     def rgb(view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
         rows = np.arange(view.camera.height * view.camera.width)

@@ -72,7 +72,7 @@ def _matte(scene: Scene) -> tuple[Scene, Rig | None]:
     return bare, rig.find(scene)
 
 
-@memo.once
+@memo.last
 def _unshadowed(scene: Scene, lamps: Rig) -> Episode:
     def rgb(name: str, view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
         found = _share(scene, lamps, name, t)
@@ -108,7 +108,7 @@ class _Surfaces:
     best_light: float
 
 
-@memo.once
+@memo.last
 def _albedos(scene: Scene, lamps: Rig) -> Mapping[int, _Surfaces]:
     """Of each thing the albedo that leaves least unexplained when each pixel has the light that suits it best."""
     found: dict[int, list[tuple[np.ndarray, ...]]] = {}
@@ -218,7 +218,7 @@ def _with_neighbours(
     return np.where(weight[..., None] > 0, cost + mean, cost)
 
 
-@memo.once
+@memo.last
 def _resting(scene: Scene, lamps: Rig) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
     """By camera that stands still: which resting thing each pixel shows, -1 for none, and its log brightness without
     shadows."""

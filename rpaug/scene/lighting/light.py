@@ -21,7 +21,7 @@ PIXELS = 500  # of one image
 WELL_LIT = 0.98  # quantile of a thing's pixels
 
 
-@memo.once
+@memo.last
 def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
     """The lamps' color, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
 
@@ -42,7 +42,7 @@ def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
     return LAMP * middle / middle.mean()
 
 
-@memo.once
+@memo.last
 def headroom(episode: Episode, count: int = 3) -> float:
     """The factor by which light may grow until the brightest that an episode shows is white."""
     images = (rgb for _, _, rgb, _ in sampling.images(episode, count))
@@ -91,7 +91,7 @@ class Lamp:
         return self.ambient + (1 - self.ambient) * towards
 
 
-@memo.once
+@memo.last
 def dominant(episode: Episode, count: int = 3) -> Lamp:
     """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
 
@@ -124,7 +124,7 @@ def brightest(episode: Episode, lamp: Lamp, count: int = 3) -> dict[int, float]:
     return {int(h): float(np.quantile(albedo[things == h], WELL_LIT)) for h in np.unique(things)}
 
 
-@memo.once
+@memo.last
 def seen(
     episode: Episode, count: int
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"], Int[np.ndarray, "n"]]:

@@ -69,7 +69,7 @@ def find(scene: Scene) -> Rig | None:
     return _find(recorded(scene)) if scene.bodies else None
 
 
-@memo.once
+@memo.last
 def recorded(scene: Scene) -> Scene:
     """The scene as it was recorded, whatever was edited since: lamps and shadows are sought there."""
     bodies = tuple(body for body in scene.tracked if body.mesh is None and body.soft is None)
@@ -82,7 +82,7 @@ def recorded(scene: Scene) -> Scene:
     )
 
 
-@memo.once
+@memo.last
 def _find(scene: Scene) -> Rig | None:
     fell = _darkened(scene)
     if sum(len(one.rows) for one in fell) <= OFTEN * sum(one.seen for one in fell):

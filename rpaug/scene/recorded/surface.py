@@ -221,7 +221,7 @@ def moved(bodies: Sequence[Body], t: int) -> list[tuple[int, Float64[np.ndarray,
     ]
 
 
-@memo.once
+@memo.last
 def _away(bodies: tuple[Body, ...]) -> tuple[Bool[np.ndarray, "t"], ...]:
     """When each body is not where its own frame is."""
     return tuple((body.to_world != np.eye(4)).any((1, 2)) for body in bodies)
