@@ -32,7 +32,7 @@ from tools.bench.raster import scene
 
 EDITS: dict[str, dict[str, Any]] = {
     **{name: large.EDITS[name] for name in ("color", "texture", "remove")},
-    "insert": {"op": "insert"},
+    "insert": {"op": "distractors", "count": 1},
     "physics": {
         "op": "physics",
         "target": {"handle": 3},

@@ -89,10 +89,13 @@ def recording(
     view = CameraView(
         part_camera, lambda t: shoot(t)[0], lambda t: shoot(t)[1], lambda t: shoot(t)[2]
     )
+    held = np.tile(np.eye(4), (len(times), 1, 1))
+    if moves:  # the gripper rolls the ball, its tip in the ball's top
+        held[:, :3, 3] = [np.add(balls(t, frames)[2][:3], [0, 0, RADIUS]) for t in times]
     robot = Robot(
         np.zeros((len(times), 7)),
         np.zeros((len(times), 7)),
-        np.tile(np.eye(4), (len(times), 1, 1)),
+        held,
         np.ones(len(times)),
     )
     return Episode(KEY, {"front": view}, robot, ("roll",), len(times))
