@@ -14,7 +14,9 @@ from rpaug.cli.console import (
     Arms,
     AsJson,
     Dataset,
+    DeviceChoice,
     Licence,
+    OnDevice,
     UsedModels,
     console,
     counted,
@@ -73,6 +75,7 @@ def augment(
     share: Annotated[
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
     ] = False,
+    device: OnDevice = DeviceChoice.AUTO,
     arm: Arms = None,
     models: UsedModels = None,
     ratio: Annotated[
@@ -114,7 +117,7 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
-    from rpaug.core import remote
+    from rpaug.core import devices, remote
     from rpaug.pipeline import cluster, inputs
     from rpaug.pipeline import workers as local
     from rpaug.pipeline.augment import Run, execute
@@ -138,7 +141,7 @@ def augment(
     fitted = written(scenes, True) if scenes else nullcontext()
     with written(out, resume) as target, fitted as store:
         run = Run(dataset, loaded, target, tier, store, share, keep_invalid, _ratio(ratio), licence)
-        run = replace(run, shard=_shard(shard))
+        run = replace(run, shard=_shard(shard), device=devices.chosen(device.value).name)
         if dry_run:
             return _dry_run(run, resume, as_json)
         with progress_bar("augmenting", as_json) as progress:

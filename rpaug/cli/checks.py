@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from rpaug.core import registry
+from rpaug.core import devices, registry
 from rpaug.core.version import __version__
 
 EXTRAS = {
@@ -60,7 +60,7 @@ def examine() -> list[Check]:
                 or "none: its entry points are missing; mend it: pip install --force-reinstall --no-deps rpaug",
             )
         )
-    return [*findings, _gl(), _gpu(), _cache()]
+    return [*findings, _gl(), *_gpu(), _cache()]
 
 
 def _packages() -> list[Check]:
@@ -122,14 +122,14 @@ def _gl() -> Check:
     )
 
 
-def _gpu() -> Check:
-    import torch
-
-    if torch.cuda.is_available():
-        return Check("ok", "GPU", torch.cuda.get_device_name(0))
-    return Check(
-        "note", "GPU", "none that torch can use, and none is needed: everything runs on the CPU"
-    )
+def _gpu() -> Iterator[Check]:
+    """All that fits on a GPU take, one a line; none is needed."""
+    parts = list(devices.parts())
+    for part in parts:
+        yield Check("ok" if part.found else "note", part.name, str(part))
+    whole = all(part.found for part in parts)
+    fits = "Gaussians are fitted on the GPU" if whole else "none is needed: the CPU fits Gaussians"
+    yield Check("ok", "GPU", fits)
 
 
 def _cache() -> Check:

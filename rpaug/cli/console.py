@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import Enum
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
@@ -97,6 +98,23 @@ Patience = Annotated[float, typer.Option(min=0.1, help="Seconds for one answer o
 Price = Annotated[
     tuple[float, float] | None,
     typer.Option(help="Cost of a million tokens in and out, to report the cost."),
+]
+
+
+class DeviceChoice(Enum):
+    """What an option `--device` takes; `rpaug.core.devices` says what it means on this machine."""
+
+    AUTO = "auto"
+    CPU = "cpu"
+    CUDA = "cuda"
+
+
+OnDevice = Annotated[
+    DeviceChoice,
+    typer.Option(
+        "--device",
+        help="What fits Gaussians: auto takes a CUDA GPU where there is one, and says why if not.",
+    ),
 ]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON value on stdout, nothing else.")

@@ -10,7 +10,9 @@ from rpaug.cli.console import (
     Arms,
     AsJson,
     Dataset,
+    DeviceChoice,
     EpisodeKey,
+    OnDevice,
     print_json,
     say,
 )
@@ -53,6 +55,7 @@ def fit(
             help="Borrow static Gaussians from the dataset's first episode of the same place."
         ),
     ] = False,
+    device: OnDevice = DeviceChoice.AUTO,
     arm: Arms = None,
     as_json: AsJson = False,
 ) -> int:
@@ -60,29 +63,35 @@ def fit(
 
     Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
     """
-    from rpaug.core import registry
+    from rpaug.core import devices, registry
     from rpaug.gaussians.descent import settings_for
     from rpaug.pipeline.fit import fit_episode
 
     if target is not None and stop is StopChoice.HELDOUT:
         raise RpaugError("--target: only --stop fidelity has one")
+    used = devices.chosen(device.value)
     settings = settings_for(stop.value, target=target, steps=steps)
     found = registry.read(dataset, episode)
     donor = _donor(dataset, found.key) if share else None
     with progress_bar("fitting", as_json) as progress:
         described = fit_episode(
             found, out, export=ply, seed=seed, settings=settings, progress=progress,
-            donor=donor, files=arm or (),
+            donor=donor, files=arm or (), device=used.name,
         )  # fmt: skip
+    described["device"] = {"fits": used.name, "why": used.why}
+    _tell(described, out, as_json)
+    return 0
+
+
+def _tell(described: dict[str, Any], out: Path, as_json: bool) -> None:
     if as_json:
         print_json(described)
-    else:
-        from rpaug.pages import told
+        return
+    from rpaug.pages import told
 
-        for name, value in described.items():
-            say(f"{name.replace('_', ' ')}: {told.short(value)}")
-        say(f"what the store holds: rpaug scenes ls {out}")
-    return 0
+    for name, value in described.items():
+        say(f"{name.replace('_', ' ')}: {told.short(value)}")
+    say(f"what the store holds: rpaug scenes ls {out}")
 
 
 def _donor(dataset: Path, key: str) -> Any:

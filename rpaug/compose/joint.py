@@ -20,7 +20,7 @@ from rpaug.core.types import Gaussians, Scene
 from rpaug.gaussians import flowing, frame_residuals, gaussian_view
 from rpaug.gaussians.descent import PARAMETERS, cosine
 from rpaug.gaussians.gaussians import Placement
-from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats
+from rpaug.render.splat import Adam, Gradients, Rates, Splats, engine
 from rpaug.scene.recorded.carry import carried
 
 LOOKS = Rates(means=0, quats=0, scales=1e-2, opacities=0.02, sh=5e-3, sh_rest=5e-4)
@@ -39,6 +39,7 @@ class RefineSettings:
     held: int = 3
     depth_weight: float = 3.0
     last_rate: float = 0.05
+    backend: str = "auto"  # one of `render.splat.engines`, for the descent
     rates: Rates = field(default_factory=lambda: replace(LOOKS, means=0.01, quats=2e-3))
 
 
@@ -107,7 +108,8 @@ class _JointDescent:
         self._usual = scene.gaussians
         splats = Splats.of(scene.gaussians)
         rates = settings.rates if scene.recorded_bodies is None else LOOKS
-        self._adam, self._engine = Adam(splats, rates), Rasteriser(gaussian_view.sharp(splats))
+        self._adam = Adam(splats, rates)
+        self._engine = engine(settings.backend, gaussian_view.sharp(splats))
         self._place = Placement.of(scene.gaussians.ids, scene.tracked, scene.irradiance)
         self._others = np.ones(len(splats), bool)
         self._others[rows] = False
@@ -137,7 +139,7 @@ class _JointDescent:
         drawn, origin, scales = self._edited(then, placed, goal.t)
         camera = replace(self._scene, cameras={goal.name: goal.camera})
         eye = gaussian_view.standing(camera, goal.name)
-        self._engine.forward(drawn, gaussian_view.view_of(eye, goal.t), surface=False)
+        self._engine.prepare(drawn, gaussian_view.view_of(eye, goal.t))
         _, _, slopes = self._engine.backward_squared_error(
             goal.rgb, goal.weight, goal.depth, self._settings.depth_weight
         )

@@ -3,6 +3,7 @@
 __all__ = [
     "cache",
     "color_space",
+    "devices",
     "errors",
     "files",
     "fingerprint",

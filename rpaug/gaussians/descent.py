@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from rpaug.core import geometry
+from rpaug.core import devices, geometry
 from rpaug.core.types import Body, Camera, Episode, Gaussians, Scene
 from rpaug.gaussians.gaussian_view import sharp
 from rpaug.gaussians.gaussians import Placement, moved, quaternions
 from rpaug.gaussians.refine import CAMERA_STEP, Twists, about, corrected, twist_of
 from rpaug.gaussians.stops import Kind, Stop
-from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
+from rpaug.render.splat import Adam, Gradients, Rates, SplatEngine, Splats, View, cores, engine
 from rpaug.scene.lighting.irradiance import Learner
 from rpaug.scene.tracking import calibration
 
@@ -23,12 +23,16 @@ PARAMETERS = ("means", "opacities", "sh", "quats", "scales")
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """How a fit is done. One of the `steps` looks at `batch` views; results do not depend on `threads`."""
+    """How a fit is done. One of the `steps` looks at `batch` views; results do not depend on `threads`.
+
+    `backend` is one of `render.splat.engines`: what draws and pulls, and to a part of a decibel the result.
+    """
 
     steps: int = 1500  # at most
     stop: Stop = field(default_factory=Stop)
     batch: int = 2
     threads: int = 2
+    backend: str = "auto"
     train_frames: int = 40  # at most, spread over the episode; the frames between them are held out
     depth_weight: float = 3.0  # of squared relative depth error, beside squared color error
     checked_frames: int = 16  # at most, of those trained on and of those held out each
@@ -50,6 +54,13 @@ def settings_for(
     rule = Stop(kind=stop) if target is None else Stop(kind=stop, target=target)
     plain = FitSettings(steps=FIDELITY_STEPS) if stop == "fidelity" else FitSettings()
     return replace(plain, stop=rule, steps=plain.steps if steps is None else steps)
+
+
+def on(settings: FitSettings, device: str) -> FitSettings:
+    """The settings for a device; beside a GPU all cores serve, for Adam and what is looked at there."""
+    if device == "cpu":
+        return settings
+    return replace(settings, backend=devices.backend(device), threads=cores())
 
 
 @dataclass(frozen=True)
@@ -102,7 +113,9 @@ class Descent:
         self._scene, self._settings, self._ids = scene, settings, begun.ids
         self._held = held
         self._adam = Adam(Splats.of(begun), settings.rates, threads=settings.threads)
-        self._workers = [Rasteriser(sharp(Splats.of(begun))) for _ in range(settings.batch)]
+        self._engines = [
+            engine(settings.backend, sharp(Splats.of(begun))) for _ in range(settings.batch)
+        ]
         self._moving = [
             (body, rows)
             for body in scene.bodies
@@ -144,8 +157,8 @@ class Descent:
     def step(self, shots: Sequence[TargetView], factor: float, pool: ThreadPoolExecutor) -> None:
         """One step, every rate times `factor`. Views are worked on side by side and summed in order."""
         jobs = [
-            pool.submit(self._look, worker, shot)
-            for worker, shot in zip(self._workers, shots, strict=True)
+            pool.submit(self._look, one, shot)
+            for one, shot in zip(self._engines, shots, strict=True)
         ]
         pulls = [job.result() for job in jobs]
         mean = _mean([pull.gradients for pull in pulls])
@@ -157,16 +170,16 @@ class Descent:
             for shot, pull in zip(shots, pulls, strict=True):
                 self._give_way(shot, pull, factor)
 
-    def _look(self, rasteriser: Rasteriser, shot: TargetView) -> _ViewPull:
+    def _look(self, eye: SplatEngine, shot: TargetView) -> _ViewPull:
         camera, t = self._camera(shot.camera), shot.t
         placed = self._placement.place(self._adam.splats, t)
         pose = geometry.inverse(self._poses[shot.camera][t])
         view = View(camera.K, pose, camera.width, camera.height)
-        rasteriser.forward(placed, view, surface=False)
-        _, _, gradients = rasteriser.backward_squared_error(
+        eye.prepare(placed, view)
+        _, _, gradients = eye.backward_squared_error(
             shot.rgb, None, shot.depth, self._settings.depth_weight
         )
-        bodies, eye = [], np.zeros(6)
+        bodies, seen_from = [], np.zeros(6)
         if self._settings.refine:
             for (_, rows), track, middle in zip(
                 self._moving, self._placement.motions, self._middles, strict=True
@@ -177,9 +190,9 @@ class Descent:
             if shot.camera in self._drifts:
                 # Moving the camera one way is moving the world the other.
                 at = self._poses[shot.camera][t, :3, 3]
-                eye = -twist_of(placed, gradients, slice(None), at)
+                seen_from = -twist_of(placed, gradients, slice(None), at)
         own, light = self._placement.pull_back(gradients, self._adam.splats, placed, t)
-        return _ViewPull(own, light, tuple(bodies), eye)
+        return _ViewPull(own, light, tuple(bodies), seen_from)
 
     def _give_way(self, shot: TargetView, pull: _ViewPull, factor: float) -> None:
         t, placement = shot.t, self._placement

@@ -10,7 +10,7 @@ from jaxtyping import Float, Float32, Float64, Int
 from rpaug.core.types import Gaussians4
 from rpaug.gaussians import gaussians4
 from rpaug.gaussians.gaussian_view import sharp_for
-from rpaug.render.splat import Gradients, Rasteriser, Splats, View
+from rpaug.render.splat import Gradients, Splats, View, engine
 
 FADE, SPREAD = 0.9, 0.99  # Adam's memories
 PARAMETERS = ("means", "left", "right", "scales", "opacities", "sh")
@@ -63,9 +63,10 @@ class Descent4:
     size: float  # metres: a typical Gaussian's standard deviation
     depth_weight: float = 1.0
     rates: Rates4 = field(default_factory=Rates4)
+    backend: str = "auto"
 
     def __post_init__(self) -> None:
-        self._engine = Rasteriser(sharp_for(self.size))
+        self._engine = engine(self.backend, sharp_for(self.size))
         self._forget()
 
     def _forget(self) -> None:
@@ -122,7 +123,7 @@ class Descent4:
         total = (np.zeros((m, 3)), np.zeros((m, 6)), np.zeros(m), np.zeros((m, *g.sh.shape[1:])))
         error, pulls = 0.0, []
         for crop in crops:
-            self._engine.forward(drawn(g, cut, crop.rest), crop.view, surface=False)
+            self._engine.prepare(drawn(g, cut, crop.rest), crop.view)
             off, _, pull = self._engine.backward_squared_error(
                 crop.target, crop.weight, crop.depth, self.depth_weight
             )

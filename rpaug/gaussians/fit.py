@@ -14,7 +14,7 @@ from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Gaussians, Scene
 from rpaug.gaussians.descent import Descent, FitSettings, TargetView, cosine, shot_of
 from rpaug.gaussians.fit_residuals import fit_frame_residuals
-from rpaug.gaussians.judging import fixed_cameras, judged, psnr, ssim
+from rpaug.gaussians.judging import colors_db, fixed_cameras, judged, psnr, ssim
 from rpaug.gaussians.seeds import seeds
 from rpaug.gaussians.stops import StopCheck
 from rpaug.scene.lighting.irradiance import even
@@ -54,6 +54,7 @@ class FitReport:
     per_camera_ssim: dict[str, float]
     depth_error_mm: float  # median over pixels, of the surface's depth
     seed: int
+    device: str  # that fitted: cpu or cuda
     bodies: tuple[Body, ...] = field(repr=False)  # with tracks as they settled
     pose_correction: Mapping[str, Float64[np.ndarray, "t 4 4"]] = field(repr=False)
     irradiance: Float64[np.ndarray, "9"] = field(repr=False)
@@ -107,6 +108,7 @@ def fit(
         per_camera_ssim=dict(zip(names, found[..., 1].mean(0).tolist(), strict=True)),
         depth_error_mm=1e3 * float(np.median(found[..., 2])),
         seed=seed,
+        device="cuda" if settings.backend == "gsplat" else "cpu",
         bodies=shown.bodies,
         pose_correction=shown.pose_correction,
         irradiance=even() if shown.irradiance is None else shown.irradiance,
@@ -151,7 +153,7 @@ def _descended(
     with ThreadPoolExecutor(settings.threads) as pool:
         for step, batch in enumerate(_batches(shots, settings.steps, settings.batch, rng)):
             if settings.stop.due(step):
-                checks.append(_check(descent.scene(), trained, step, settings.threads))
+                checks.append(_check(descent.scene(), trained, step, settings))
                 if settings.stop.reached(checks):
                     return descent.scene(), step
             descent.step(batch, cosine(step / settings.steps, settings.last_rate), pool)
@@ -160,11 +162,12 @@ def _descended(
     return descent.scene(), settings.steps
 
 
-def _check(scene: Scene, trained: Sequence[int], step: int, threads: int) -> StopCheck:
+def _check(scene: Scene, trained: Sequence[int], step: int, settings: FitSettings) -> StopCheck:
     """A look at a few views of the fixed cameras."""
     seen = _some(trained, WATCHED)
     unseen = _some(sorted(set(range(scene.episode.length)) - set(trained)), WATCHED)
-    found = judged(scene, [*seen, *unseen], threads)[:, fixed_cameras(scene), 0]
+    every = colors_db(scene, [*seen, *unseen], settings.threads, settings.backend)
+    found = every[:, fixed_cameras(scene)]
     recorded = float(found[: len(seen)].mean())
     return StopCheck(step, recorded, float(found[len(seen) :].mean()) if unseen else recorded)
 
@@ -190,6 +193,7 @@ def _refined(
             steps=settings.moment_steps,
             depth_weight=settings.depth_weight,
             threads=settings.threads,
+            backend=settings.backend,
             progress=partial(_tell_part, tell, before, settings.moment_passes),
         )
         assert scene.gaussians is not None

@@ -45,6 +45,7 @@ class FourSettings:
     last_rate: float = 0.05
     margin: int = 6  # pixels around the region that are looked at with it
     bridged_share: float = 0.5  # of the steps that are followed by one of the ways alone
+    backend: str = "auto"  # one of `render.splat.engines`, for the descent
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def _descended(
     progress: Progress | None,
 ) -> Gaussians4:
     """The Gaussians after all rounds over the fitted times, which are `stride` frames apart."""
-    descent = Descent4(begun, float(np.median(begun.scales)))
+    descent = Descent4(begun, float(np.median(begun.scales)), backend=settings.backend)
     rng = np.random.default_rng(seed)
     times = sorted(crops)
     for number in range(settings.rounds):

@@ -18,7 +18,7 @@ from rpaug.gaussians.descent import cosine, shot_of
 from rpaug.gaussians.frame_residuals import PARTS
 from rpaug.gaussians.gaussian_view import sharp, standing, view_of
 from rpaug.gaussians.gaussians import Placement
-from rpaug.render.splat import Adam, Gradients, Rasteriser, Rates, Splats, View
+from rpaug.render.splat import Adam, Gradients, Rates, Splats, View, engine
 
 # Twice those of the fit before: few steps, each on all that is seen at a time.
 RATES = Rates(means=0.16, quats=2e-2, scales=0.1, opacities=0.3, sh=0.14)
@@ -44,6 +44,7 @@ def fit_frame_residuals(
     steps: int,
     depth_weight: float,
     threads: int,
+    backend: str = "auto",
     progress: Callable[[float], None] = lambda share: None,
 ) -> Mapping[int, FrameResidual]:
     """Moments of the scene's Gaussians at `times`, going on from those they have; `threads` do not change them."""
@@ -57,12 +58,12 @@ def fit_frame_residuals(
 
     def work(t: int) -> FrameResidual | None:
         then = placement.place(Splats.of(frame_residuals.at(usual, t)), t)
-        windows = list(_windows(scene, t, then, moving))
+        windows = list(_windows(scene, t, then, moving, backend))
         if not windows:
             return None
         loose = np.unique(np.concatenate([window.rows for window in windows]))
         loose = loose[moving[loose]]
-        settled = _descend(windows, then, loose, steps, depth_weight)
+        settled = _descend(windows, then, loose, steps, depth_weight, backend)
         own = placement.take_back(settled, t)
         return frame_residuals.difference(usual, _part(own, loose), loose)
 
@@ -75,13 +76,13 @@ def fit_frame_residuals(
 
 
 def _windows(
-    scene: Scene, t: int, then: Splats, moving: Bool[np.ndarray, "n"]
+    scene: Scene, t: int, then: Splats, moving: Bool[np.ndarray, "n"], backend: str
 ) -> Iterator[_ResidualWindow]:
     """One for each view that shows something moving: all of it if the camera moves."""
     assert scene.gaussians is not None
     instance_ids = np.unique(scene.gaussians.ids[moving])
     # Grey, for colors below black pass no gradient: it tells how much of each splat is seen.
-    grey, eye = replace(then, sh=np.zeros_like(then.sh)), Rasteriser(sharp(then))
+    grey, eye = replace(then, sh=np.zeros_like(then.sh)), engine(backend, sharp(then))
     for name, recorded in scene.episode.views.items():
         assert recorded.ids is not None
         shown = np.isin(recorded.ids(t), instance_ids) | (not recorded.camera.fixed)
@@ -93,7 +94,7 @@ def _windows(
         K[:2, 2] -= part[1].start, part[0].start
         rgb, depth = shot.rgb[part], shot.depth[part]
         window = View(K, view.world_to_camera, rgb.shape[1], rgb.shape[0])
-        eye.forward(grey, window, surface=False)
+        eye.prepare(grey, window)
         light = eye.backward(np.ones_like(rgb)).sh[:, 0, 0]
         yield _ResidualWindow(window, rgb, depth, np.flatnonzero(light > SEEN))
 
@@ -125,10 +126,11 @@ def _descend(
     loose: Int[np.ndarray, "m"],
     steps: int,
     depth_weight: float,
+    backend: str,
 ) -> Splats:
     """The splats after `steps` of Adam on the loose ones, each on all windows."""
     assert then.scales is not None
-    eye = Rasteriser(sharp(then))
+    eye = engine(backend, sharp(then))
     adam = Adam(_part(then, loose), RATES, size=float(np.median(then.scales)))
     scenery = [_part(then, window.rows) for window in windows]
     # Which of a window's splats are loose, and which of the loose ones they are.
@@ -142,7 +144,7 @@ def _descend(
         for window, splats, h, o in zip(windows, scenery, here, there, strict=True):
             for name in PARTS:
                 getattr(splats, name)[h] = getattr(adam.splats, name)[o]
-            eye.forward(splats, window.view, surface=False)
+            eye.prepare(splats, window.view)
             # A mean over the window's pixels, so that a pixel weighs the same in all.
             weight = np.full(window.depth.shape, window.depth.size / whole, np.float32)
             _, _, gradients = eye.backward_squared_error(

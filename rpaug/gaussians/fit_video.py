@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
-from rpaug.core import geometry, sampling
+from rpaug.core import devices, geometry, sampling
 from rpaug.core.types import Camera, CameraView, Episode, Gaussians, Scene
 from rpaug.gaussians import cached, fit4, store
 from rpaug.gaussians.fit4 import FourSettings
@@ -25,7 +25,7 @@ from rpaug.gaussians.gaussians import SH0, LiftedImage, chosen, joined, lifted
 from rpaug.gaussians.labels import UNKNOWN, Labelled
 from rpaug.gaussians.shots import TargetImage
 from rpaug.gaussians.vote import vote
-from rpaug.render.splat import Loss, Splats, View
+from rpaug.render.splat import Loss, Splats, View, cores
 from rpaug.scene.recorded.plates import spread
 from rpaug.scene.video import sweep
 from rpaug.scene.video.instances import BACKGROUND
@@ -46,8 +46,19 @@ class SplatSettings:
     stride: int = 3  # pixels between Gaussians of one frame
     most: int = 60000  # Gaussians to begin with
     threads: int = 2
+    backend: str = "auto"  # one of `render.splat.engines`
     hands: FourSettings = field(default_factory=lambda: FourSettings(rounds=8, densify_rounds=(4,)))
     frames: int = 60  # at most, of which at most every second one, that hands are fitted at
+
+
+def on(settings: SplatSettings, device: str) -> SplatSettings:
+    """The settings for a device; beside a GPU all cores serve."""
+    if device == "cpu":
+        return settings
+    name = devices.backend(device)
+    return replace(
+        settings, backend=name, threads=cores(), hands=replace(settings.hands, backend=name)
+    )
 
 
 def kept(
@@ -68,7 +79,7 @@ def kept(
 
 def name_of(video: VideoScene, settings: SplatSettings) -> str:
     """The key of a film's Gaussians: of all frames as they are fitted, where they are, and the settings."""
-    given = {**asdict(settings), "threads": 0}
+    given = store.counting({**asdict(settings)}) | {"threads": 0}
     return fingerprint(
         f"{store.FORMAT} {store.VERSION} {LOOKS} votes".encode(), json.dumps(given, sort_keys=True).encode(),
         video.model.cam_to_world.tobytes(), video.lens.K.tobytes(), video.model.points.tobytes(),
@@ -89,8 +100,8 @@ def fitted(
     steps = max(2, round(settings.rounds * len(trained) / 2))
     # Kept-back frames come once in a while, weightless: checks look at them, steps do not.
     rule = FrameFitSettings(
-        iterations=steps, stop="iterations", threads=settings.threads, loss=Loss(l2=1.0, depth=0.3),
-        check_every=max(1, steps // 3),
+        iterations=steps, stop="iterations", threads=settings.threads, backend=settings.backend,
+        loss=Loss(l2=1.0, depth=0.3), check_every=max(1, steps // 3),
     )  # fmt: skip
     found = fit_views(Splats.of(begun), [*trained, *judged], rule)
     made = _gaussians(found.splats, video)

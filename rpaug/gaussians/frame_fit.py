@@ -13,8 +13,7 @@ from rpaug.core.metrics import decibels
 from rpaug.gaussians.densify import Densify, densified
 from rpaug.gaussians.shots import TargetImage
 from rpaug.gaussians.stops import Stop, StopCheck
-from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, shared, warm
-from rpaug.render.splat.workers import worker
+from rpaug.render.splat import Adam, Gradients, Loss, Rates, Settings, Splats, engine, shared, warm
 
 Ending = Literal["heldout", "fidelity", "iterations"]
 Progress = Callable[["Checkpoint"], None]
@@ -143,16 +142,19 @@ def _check(point: Checkpoint) -> StopCheck:
 
 
 class _Crew:
-    """One worker a shot, and the threads shared among the shots of a batch."""
+    """One engine a shot, and the threads shared among the shots of a batch."""
 
     def __init__(self, shots: Sequence[TargetImage], settings: FrameFitSettings) -> None:
         self._shots, self._settings = shots, settings
         largest = max(shot.view.width * shot.view.height for shot in shots)
         self.side_by_side, each = shared(settings.threads, settings.batch, largest)
-        self._workers = [
-            worker(settings.backend, settings.dtype, settings.model, each, settings.keep_order)
+        self._engines = [
+            engine(
+                settings.backend, settings.model, threads=each, keep_order=settings.keep_order,
+                dtype=settings.dtype,
+            )
             for _ in shots
-        ]
+        ]  # fmt: skip
         self._weights = [shot.weight for shot in shots]
 
     def pull(self, splats: Splats, step: int, pool: ThreadPoolExecutor) -> Gradients:
@@ -162,8 +164,9 @@ class _Crew:
 
         def one(at: int) -> Gradients:
             shot = self._shots[at]
-            given = (shot.view, loss, shot.color, self._weights[at], shot.depth)
-            return self._workers[at].pull(splats, *given)[1]
+            self._engines[at].prepare(splats, shot.view)
+            given = (loss, shot.color, self._weights[at], shot.depth)
+            return self._engines[at].backward_loss(*given)[1]
 
         first, *rest = pool.map(one, chosen)
         for other in rest:
@@ -179,7 +182,7 @@ class _Crew:
 
         def one(at: int) -> np.ndarray:
             shot = self._shots[at]
-            color = np.clip(self._workers[at].look(splats, shot.view), 0, 1)
+            color = np.clip(self._engines[at].forward(splats, shot.view, surface=False).color, 0, 1)
             error = ((color.astype(np.float64) - shot.color) ** 2).mean(-1)
             fitted = ~shot.held
             sums = (error[fitted].sum(), fitted.sum(), error[shot.judged].sum(), shot.judged.sum())

@@ -12,7 +12,7 @@ from rpaug.gaussians import frame_residuals
 from rpaug.gaussians.descent import shot_of
 from rpaug.gaussians.gaussian_view import plane_depth, sharp, standing, to_bytes, view_of
 from rpaug.gaussians.gaussians import Placement
-from rpaug.render.splat import Rasteriser, Splats
+from rpaug.render.splat import Rasteriser, Splats, engine
 
 LEAST = 255.0**2 * 1e-10  # squared grey levels: 100 dB
 REACH = 5  # pixels that SSIM's window reaches
@@ -41,6 +41,26 @@ def judged(
 
     with ThreadPoolExecutor(threads) as pool:
         return np.array(list(pool.map(look, times))).reshape(len(times), len(names), 3)
+
+
+def colors_db(
+    scene: Scene, times: Sequence[int], threads: int, backend: str = "auto"
+) -> Float64[np.ndarray, "times cameras"]:
+    """The first of these alone, drawn by any backend."""
+    assert scene.gaussians is not None
+    usual, names = scene.gaussians, list(scene.episode.views)
+    placement = Placement.of(usual.ids, scene.bodies, scene.irradiance)
+
+    def look(t: int) -> list[float]:
+        placed = placement.place(Splats.of(frame_residuals.at(usual, t)), t)
+        eye, found = engine(backend, sharp(placed)), []
+        for name in names:
+            drawn = eye.forward(placed, view_of(standing(scene, name), t), surface=False)
+            found.append(psnr(to_bytes(drawn.color), scene.episode.views[name].rgb(t)))
+        return found
+
+    with ThreadPoolExecutor(threads) as pool:
+        return np.array(list(pool.map(look, times))).reshape(len(times), len(names))
 
 
 def fixed_cameras(scene: Scene) -> list[int]:

@@ -43,7 +43,7 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
                 past = picture_of(view, t, kept.static)
                 if past is not None:
                     part = _sparse(past)
-                    yield chosen(part, np.isinf(_footprints(part, done)))
+                    yield _unseen(part, done)
                     done = [*done, past]
 
 
@@ -61,6 +61,13 @@ def _sparse(picture: LiftedImage) -> Gaussians:
     height, width = picture.ids.shape
     black = (np.arange(height)[:, None] + np.arange(width)) % 2 == 0
     return lifted(replace(picture, use=picture.use & black), CHECKER)
+
+
+def _unseen(part: Gaussians, by: Sequence[LiftedImage]) -> Gaussians:
+    """Those whose place no picture shows. The latest comes first: it shows most, others are asked for the rest."""
+    for picture in reversed(by):
+        part = chosen(part, np.isinf(_footprints(part, [picture])))
+    return part
 
 
 def _footprints(part: Gaussians, by: Sequence[LiftedImage]) -> Float32[np.ndarray, "n"]:

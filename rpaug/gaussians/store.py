@@ -70,7 +70,7 @@ def key(scene: Scene, settings: Any, seed: int, donor_key: str = "") -> str:
     """Hash of all that a fit depends on: every recorded image, cameras, gripper, bodies, settings, seed, and the key
     of the scene that lends it Gaussians."""
     digest = hashlib.sha256(f"{FORMAT} {VERSION} {seed} {donor_key}".encode())
-    digest.update(json.dumps(_plain(settings), sort_keys=True).encode())
+    digest.update(json.dumps(counting(_plain(settings)), sort_keys=True).encode())
     for body in scene.bodies:
         digest.update(f"{sorted(body.instance_ids)} {body.motion} {body.reference}".encode())
         _add(digest, body.to_world)
@@ -311,6 +311,19 @@ def _checksum(array: np.ndarray) -> str:
 def _add(digest: Any, array: np.ndarray) -> None:
     digest.update(f"{array.dtype.str}{array.shape}".encode())
     digest.update(np.ascontiguousarray(array).tobytes())
+
+
+def counting(facts: Any) -> Any:
+    """Settings less what a result does not depend on: the number of threads, and the CPU where it is what fitted.
+
+    What a GPU fitted has a key of its own: its sums round otherwise, and the CPU's results are the same bit for bit.
+    """
+    if not isinstance(facts, dict):
+        return facts
+    kept = {name: counting(value) for name, value in facts.items() if name != "threads"}
+    if kept.get("backend") in ("auto", "numba"):
+        del kept["backend"]
+    return kept | ({"threads": 2} if "threads" in facts else {})  # as ever: stores outlive versions
 
 
 def _plain(value: Any) -> Any:

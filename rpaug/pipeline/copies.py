@@ -12,7 +12,7 @@ from typing import Any
 
 from rpaug import instruct
 from rpaug.compose import views
-from rpaug.core import progress
+from rpaug.core import devices, progress
 from rpaug.core.errors import Missing, TargetError, Unsupported
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Episode, Scene
@@ -321,5 +321,6 @@ def _refined(scene: Scene, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
         return scene, replace(plan, refined={"kept": False, "skipped": why})
     from rpaug.compose import joint  # only here: it brings torch and the rasteriser
 
-    tuned, facts = joint.refined(scene, joint.RefineSettings(steps=plan.refine))
+    asked = joint.RefineSettings(steps=plan.refine, backend=devices.backend(plan.device))
+    tuned, facts = joint.refined(scene, asked)
     return tuned, replace(plan, refined=facts)

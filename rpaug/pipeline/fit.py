@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug.core.types import Episode, Scene
-from rpaug.gaussians import cached, fit_static_rgb, gaussian_files, store
+from rpaug.gaussians import cached, descent, fit_static_rgb, gaussian_files, store
 from rpaug.gaussians.descent import FitSettings
 from rpaug.gaussians.gaussians import placed
 from rpaug.pipeline import prepare
@@ -24,18 +24,20 @@ def fit_episode(
     progress: Callable[[int, int], None] = lambda done, total: None,
     donor: Episode | None = None,
     files: Sequence[Path] = (),
+    device: str = "cpu",
 ) -> dict[str, Any]:
     """Fit, store under `folder`, export to `.ply` or `.spz` if asked, and return plain values.
 
     A scene that the store has already is not fitted again. `founder` lends its static Gaussians; `files` are URDF or
-    MJCF files of arms. A video of a moving camera is fitted by its own rules (docs/video.md), whatever `settings` say.
+    MJCF files of arms; `device` (cpu, cuda) fits. A video of a moving camera is fitted by its own rules
+    (docs/video.md), whatever `settings` say.
     Raises BadInput if the export exists or ends otherwise, Unsupported for a video without a model.
     """
     if export is not None:
         gaussian_files.check(export)
     if reconstruct.unplaced(episode):
-        return _fit_video(episode, folder, export)
-    settings = settings or FitSettings()
+        return _fit_video(episode, folder, export, device)
+    settings = descent.on(settings or FitSettings(), device)
 
     def built(one: Episode) -> Scene:
         return build(one, with_bodies=True, arms=arms.for_robot(files, one.robot))
@@ -71,13 +73,14 @@ def fit_episode(
     return described
 
 
-def _fit_video(episode: Episode, folder: Path, export: Path | None) -> dict[str, Any]:
+def _fit_video(episode: Episode, folder: Path, export: Path | None, device: str) -> dict[str, Any]:
     from rpaug.gaussians import fit_video
 
     found = reconstruct.develop(episode, progress=prepare.told_of(episode.key))
-    where = store.path_of(folder, fit_video.name_of(found, fit_video.SplatSettings()))
+    usual = fit_video.on(fit_video.SplatSettings(width=found.fit_width), device)
+    where = store.path_of(folder, fit_video.name_of(found, usual))
     again = where.is_dir()
-    made, facts = fit_video.kept(found.scene(), found, folder)
+    made, facts = fit_video.kept(found.scene(), found, folder, usual)
     described = {
         "episode": episode.key, "scene": str(where), "found_in_store": again,
         "film": found.describe(), **facts,

@@ -35,6 +35,7 @@ class Job:
     scenes: Path | None = None  # a store of fitted scenes
     donor: str | None = None  # key of the episode whose static Gaussians are borrowed
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
+    device: str = "cpu"  # that fits Gaussians
 
 
 def augment(job: Job) -> Iterator[str]:
@@ -56,7 +57,10 @@ def _copies(job: Job) -> Iterator[str]:
     with watch("read"):
         episode = adapter.read(job.source, job.key)
     progress.told(job.key, "finding what is in the scene")
-    scene, plan = prepare_scene(episode, recipe, job.tier, job.scenes, watch, _donor(adapter, job))
+    donor = _donor(adapter, job)
+    scene, plan = prepare_scene(
+        episode, recipe, job.tier, job.scenes, watch, donor, device=job.device
+    )
     if not job.copies:
         return
     with watch("read"):

@@ -66,6 +66,7 @@ def job_of(run: Run, key: str, copies: tuple[tuple[int, str], ...]) -> Job:
         run.tier,
         run.scenes,
         keep_invalid=run.keep_invalid,
+        device=run.device,
     )
 
 

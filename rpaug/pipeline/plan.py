@@ -107,7 +107,8 @@ class Plan:
     Gaussians said of itself, `warnings` what is wrong with the recording, `parts` the targets of which a part finer
     than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
     `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
-    of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it."""
+    of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it.
+    `device` is what fits Gaussians; frames are drawn on the CPU whatever it is."""
 
     tier: int
     representations: dict[str, int]
@@ -120,6 +121,7 @@ class Plan:
     assumed: tuple[str, ...] = ()
     video: Mapping[str, Any] = field(default_factory=dict)
     refine: int = 0
+    device: str = "cpu"
     refined: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -153,6 +155,8 @@ class Plan:
         facts |= {"assumed": list(self.assumed)} if self.assumed else {}
         facts |= {"film": dict(self.video)} if self.video else {}
         facts |= {"refined": dict(self.refined)} if self.refined else {}
+        if self.device != "cpu":
+            facts["device"] = {"fits": self.device, "frames": "cpu"}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:

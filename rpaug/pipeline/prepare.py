@@ -79,14 +79,18 @@ def prepare_scene(
     scenes: Path | None = None,
     watch: report.Stopwatch | None = None,
     donor: Callable[[], Episode] | None = None,
+    *,
+    device: str = "cpu",
 ) -> tuple[Scene, planning.Plan]:
     """Plan and build: errors are measured if the recipe states an accuracy, Gaussians fitted if the plan has any.
 
-    `donor` reads the episode whose static Gaussians are borrowed. A part that is not there is a warning of the plan.
+    `donor` reads the episode whose static Gaussians are borrowed, `device` (cpu, cuda) fits. A part that is not there
+    is a warning of the plan.
     """
     watch = watch or report.Stopwatch()
     with watch("build"):
         scene, plan = build_and_plan(episode, recipe, tier)
+    plan = replace(plan, device=device)
     if not plan.gaussians:
         return _with_parts(scene, plan)
     with watch("fit"):
@@ -264,13 +268,19 @@ def _with_gaussians(
     if isinstance(scene.back, VideoScene):
         from rpaug.gaussians import fit_video  # only here: it brings torch and the rasteriser
 
-        return fit_video.kept(scene, scene.back, scenes)
-    from rpaug.gaussians import cached  # only here: it brings torch and the rasteriser
+        own = fit_video.SplatSettings(width=scene.back.fit_width)
+        return fit_video.kept(scene, scene.back, scenes, fit_video.on(own, plan.device))
+    from rpaug.gaussians import cached, descent, fit4  # only here: they bring the rasteriser
 
     def share(done: float) -> None:
         progress.told(scene.episode.key, "fitting Gaussians, percent", round(100 * done), 100)
 
-    fitted = cached.fitted_in_time if plan.tier >= 4 else partial(cached.fitted, progress=share)
+    usual = descent.on(descent.FitSettings(), plan.device)
+    if plan.tier >= 4:
+        four = fit4.FourSettings(backend=usual.backend)
+        fitted = partial(cached.fitted_in_time, settings=cached.Both(usual, four))
+    else:
+        fitted = partial(cached.fitted, settings=usual, progress=share)
     return fit_static_rgb.fitted(scene, lambda one: fitted(one, scenes, donor=donor_scene))
 
 

@@ -84,7 +84,7 @@ def _read(run: Run, key: str) -> Episode:
 
 
 def _prepared(run: Run, episode: Episode, recipe: Recipe) -> PreparedEpisode:
-    scene, plan = prepare_scene(episode, recipe, run.tier, run.scenes)
+    scene, plan = prepare_scene(episode, recipe, run.tier, run.scenes, device=run.device)
     return PreparedEpisode(scene, plan, recipe, cache(partial(surfels.recorded, scene)))
 
 

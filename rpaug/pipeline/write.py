@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rpaug.core import devices
 from rpaug.core.errors import Rejected, RpaugError
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
@@ -152,13 +153,15 @@ def drawn(made: Made) -> int:
 def replay(
     adapter: Adapter, source: Path, described: Mapping[str, Any], target: Path, key: str
 ) -> None:
-    """Write again the episode that a report describes, from the recorded one. Raises RpaugError."""
+    """Write again the episode that a report describes, from the recorded one; on the device that fitted it, which
+    gives the same bits on the CPU alone. Raises RpaugError, also where that device is not there."""
     recipe = build_recipe(described["recipe"])
     plan, judged = described["plan"], described.get("gates") or {}
     episode = adapter.read(source, described["source"])
     donor_key = plan.get("fit", {}).get("founder")
     donor = partial(adapter.read, source, donor_key) if donor_key else None
-    scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor)
+    device = devices.chosen(plan.get("device", {}).get("fits", "cpu")).name
+    scene, made_plan = prepare_scene(episode, recipe, plan["tier"], donor=donor, device=device)
     kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
     words = (described.get("words") or {}).get("written")
     known = Known(judged.get("attempt", 0), described["draws"], words)

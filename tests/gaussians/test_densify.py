@@ -8,8 +8,7 @@ from analytic import scene
 
 from rpaug.gaussians.densify import Densify, densified
 from rpaug.gaussians.shots import TargetImage, shots_at
-from rpaug.render.splat import Adam, Loss, Rasteriser, Splats
-from rpaug.render.splat.workers import worker
+from rpaug.render.splat import Adam, Loss, Rasteriser, Splats, engine
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +61,9 @@ def test_another_unit_splits_the_same(frame, unit):
         (splats, shot.view),
         (scaled, dataclasses.replace(shot.view, world_to_camera=pose)),
     ):
-        hand = worker(settings=settings if given is scaled else None)
-        slopes = hand.pull(given, view, Loss(), 1 - shot.color)[1]
+        hand = engine(settings=settings if given is scaled else None)
+        hand.prepare(given, view)
+        slopes = hand.backward_loss(Loss(), 1 - shot.color)[1]
         chosen.append(densified(given, slopes.image_motion, Densify())[1])
     same = len(np.intersect1d(chosen[0][len(splats) :], chosen[1][len(splats) :]))
     assert same > 0.95 * (len(chosen[0]) - len(splats))
@@ -73,17 +73,19 @@ def test_torch_tells_about_the_same_motion(frame):
     """From the gradients by the means, where the kernels have it from the image itself."""
     splats, shot = frame
     few, _ = densified(splats, np.zeros(len(splats)), Densify())
-    found, expected = (
-        worker(backend).pull(few, shot.view, Loss(), 1 - shot.color)[1].image_motion
-        for backend in ("reference", "numba")
-    )
-    assert np.corrcoef(found, expected)[0, 1] > 0.95
+    motion = []
+    for backend in ("reference", "numba"):
+        hand = engine(backend)
+        hand.prepare(few, shot.view)
+        motion.append(hand.backward_loss(Loss(), 1 - shot.color)[1].image_motion)
+    assert np.corrcoef(*motion)[0, 1] > 0.95
 
 
 def test_moments_go_with_their_gaussians(frame):
     splats, shot = frame
-    hand = worker()
-    slopes = hand.pull(splats, shot.view, Loss(), 1 - shot.color)[1]
+    hand = engine()
+    hand.prepare(splats, shot.view)
+    slopes = hand.backward_loss(Loss(), 1 - shot.color)[1]
     plain, other = Adam(splats), Adam(splats)
     plain.step(slopes)
     other.step(slopes)

@@ -15,10 +15,11 @@ from runs import GROUP, contents
 from runs import augment as run
 
 import rpaug
+from rpaug.core import devices
 from rpaug.core.registry import SAMPLE
 from rpaug.operators.light_color import LightColor
 from rpaug.operators.recolor import Recolor
-from rpaug.pipeline import inputs, report
+from rpaug.pipeline import inputs, report, write
 from rpaug.training import AugmentedEpisodes, Schedule
 
 PAINT = {"op": "recolor", "target": {"handle": 300}, "color": {"sample": "colosseum"}}
@@ -256,3 +257,14 @@ def test_every_public_name_is_there_typed_and_imported_on_first_use() -> None:
     heavy = "import rpaug, sys; print({'numpy', 'torch', 'numba', 'cv2'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_a_copy_that_a_gpu_fitted_is_replayed_on_one_alone(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lacking = devices.DevicePart("GPU driver", "", "no NVIDIA driver", "one for this GPU")
+    monkeypatch.setattr(devices, "_driver", lambda: lacking)
+    plan = {"tier": 3, "device": {"fits": "cuda", "frames": "cpu"}}
+    described = {"recipe": RECIPE, "source": KEY, "plan": plan}
+    with pytest.raises(rpaug.Unsupported, match="no NVIDIA driver"):
+        write.replay(RLBench(), template, described, tmp_path / "again", KEY)

@@ -1,10 +1,8 @@
 """Scenes and comparisons that the splat tests share."""
 
-import importlib.util
-
 import numpy as np
-import pytest
 import torch
+from gsplat_kernels import running
 
 from rpaug.render.splat import (
     Gradients,
@@ -22,18 +20,6 @@ from rpaug.render.splat.autograd import rasterise
 torch.set_num_threads(1)  # images of a few thousand pixels: more threads only wait for each other
 
 NAMES = ("means", "opacities", "sh", "quats", "scales", "covariances", "features")
-
-
-ON_GPU = pytest.param(
-    "gsplat",
-    marks=[
-        pytest.mark.gpu,
-        pytest.mark.skipif(
-            not torch.cuda.is_available() or importlib.util.find_spec("gsplat") is None,
-            reason="needs a CUDA GPU and gsplat",
-        ),
-    ],
-)
 
 
 def view(width: int = 48, height: int = 40, focal: float = 50.0, **pose: np.ndarray) -> View:
@@ -85,10 +71,11 @@ def draw(
     given: Splats, at: View, backend: str, settings: Settings | None = None, **more
 ) -> Rendering:
     """`render` from a `View`."""
-    return render(
-        given, at.K, at.world_to_camera, at.width, at.height,
-        settings=settings, backend=backend, **{"threads": 1, **more},
-    )  # fmt: skip
+    with running(backend) as name:
+        return render(
+            given, at.K, at.world_to_camera, at.width, at.height,
+            settings=settings, backend=name, **{"threads": 1, **more},
+        )  # fmt: skip
 
 
 def pulls(at: View, features: int = 0, seed: int = 7) -> dict[str, np.ndarray | None]:
@@ -119,7 +106,8 @@ def gradients(
         for name in NAMES
     }
     positional = [tensors.pop(name) for name in ("means", "opacities", "sh")]
-    made = rasterise(*positional, at, **tensors, settings=settings, backend=backend)
+    with running(backend) as name:
+        made = rasterise(*positional, at, **tensors, settings=settings, backend=name)
     loss = sum(
         (image * torch.as_tensor(images[name], **kind)).sum()
         for name, image in zip(("color", "depth", "alpha", "features"), made, strict=True)
@@ -138,6 +126,52 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 LARGEST_FLIP = 4 / 255  # one splat at the alpha floor, times the brightest color of these scenes
+
+
+BAND = 3e-5  # relative: how near a threshold float32 and a GPU's fast exponential may fall on its other side
+
+
+def on_a_threshold(given: Splats, at: View, settings: Settings | None = None) -> np.ndarray:
+    """Pixels at which some splat's alpha lies on the floor or the ceiling, or the light on its end, to rounding."""
+    rules = settings or Settings()
+    wide = {
+        name: None if array is None else torch.as_tensor(array.astype(np.float64))
+        for name in NAMES
+        for array in [getattr(given, name)]
+    }
+    seen = _reference.project(**wide, view=at, settings=rules)
+    order = torch.argsort(seen.depth, stable=True)
+    factor, opacity = seen.factor[order], seen.opacity[order]
+    i, j = np.mgrid[: at.height, : at.width]
+    dx = torch.as_tensor(j)[..., None] - seen.centre[order, 0]
+    dy = torch.as_tensor(i)[..., None] - seen.centre[order, 1]
+    alpha = opacity * torch.exp(
+        -((factor[:, 0] * dx + factor[:, 1] * dy) ** 2) - (factor[:, 2] * dy) ** 2
+    )
+    drawn = torch.where(alpha >= rules.alpha_floor, alpha.clamp(max=rules.alpha_max), 0.0)
+    left = torch.cumprod(1 - drawn, -1)
+    near = torch.zeros(left.shape, dtype=torch.bool)
+    for value, limit in (
+        (alpha, rules.alpha_floor),
+        (alpha, rules.alpha_max),
+        (left, rules.transmittance_stop),
+    ):
+        near |= (value / limit - 1).abs() < BAND
+    return near.any(-1).numpy()
+
+
+def assert_within(
+    found: Rendering, expected: Rendering, apart: np.ndarray, atol: float = 1e-4
+) -> None:
+    """Equal within `atol` at every pixel but those `apart`, which differ by a splat at a threshold at most."""
+    error = np.abs(found.color - expected.color).max(-1)
+    error = np.maximum(error, np.abs(found.alpha - expected.alpha))
+    assert error[~apart].max(initial=0) <= atol
+    assert error.max(initial=0) <= LARGEST_FLIP
+    solid = (expected.alpha > 0.01) & ~apart
+    off = np.abs(found.depth_expected - expected.depth_expected)[solid]
+    assert (off <= 10 * atol * expected.depth_expected[solid]).all()
+    assert found.nonfinite == expected.nonfinite
 
 
 def assert_close(

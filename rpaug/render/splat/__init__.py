@@ -11,6 +11,7 @@ from rpaug.core.types import Gaussians
 from rpaug.render.splat._numba import Rasteriser
 from rpaug.render.splat._threads import cores, shared
 from rpaug.render.splat.adam import Adam, Rates
+from rpaug.render.splat.engines import SplatEngine, engine
 from rpaug.render.splat.loss import Errors, Loss
 from rpaug.render.splat.settings import Gradients, Rendering, Settings, Splats, View
 
@@ -23,13 +24,15 @@ __all__ = [
     "Rates",
     "Rendering",
     "Settings",
+    "SplatEngine",
     "Splats",
     "View",
     "autograd",
+    "cores",
+    "engine",
     "render",
     "shared",
     "warm",
-    "workers",
 ]
 
 

@@ -1,27 +1,39 @@
-"""The CUDA backend: the `gsplat` package behind the same door.
+"""The CUDA backend: the reference's projection on the GPU, and the `gsplat` package's kernels for the pixels.
 
-gsplat's own constants are built in (1.5.3: alpha at most 0.999, floor 1/255, stop at 1e-4, Jacobian followed
-to 0.3 half-images), so other settings are refused. Its pixel centres lie at +0.5; ours at integers.
+Gaussians are projected in float64 and rounded once, so that thin and far ones keep their shape: gsplat's own
+projection loses both to float32. What its pixels have built in (1.5.3: alpha at most 0.999, floor 1/255, stop at
+1e-4) cannot be set. Its pixel centres lie at +0.5; ours at integers.
 """
 
-import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from rpaug.core.errors import MissingExtra, Unsupported
 from rpaug.render.splat import _reference
-from rpaug.render.splat._reference import Images
-from rpaug.render.splat.settings import LARGEST, Rendering, Settings, Splats, View
+from rpaug.render.splat._images import SMALLEST_ALPHA
+from rpaug.render.splat._reference import Images, Projected
+from rpaug.render.splat.settings import Rendering, Settings, Splats, View
 
-BUILT_IN = ("alpha_max", "alpha_floor", "transmittance_stop", "frustum_margin")
+BUILT_IN = ("alpha_max", "alpha_floor", "transmittance_stop")
+DEVICE = "cuda"
+TILE = 16  # pixels
+FARTHEST = 1e9  # pixels that a Gaussian reaches, in int32
 
 
-def rasterization() -> Any:
-    """gsplat's entry point. Raises MissingExtra or Unsupported, naming what is missing."""
+class Kernels(NamedTuple):
+    """gsplat's functions: which Gaussians lie on which tile, front to back; where each tile's begin; the pixels."""
+
+    tiles: Any
+    offsets: Any
+    pixels: Any
+
+
+def kernels() -> Kernels:
+    """gsplat's functions. Raises MissingExtra or Unsupported, naming what is missing."""
     try:
         import gsplat
     except ImportError:
@@ -37,7 +49,7 @@ def rasterization() -> Any:
             "backend gsplat: its kernels are not built; put nvcc (the CUDA toolkit) on the PATH or "
             "install a gsplat wheel built for this torch and CUDA"
         )
-    return gsplat.rasterization
+    return Kernels(gsplat.isect_tiles, gsplat.isect_offset_encode, gsplat.rasterize_to_pixels)
 
 
 def _check(settings: Settings) -> None:
@@ -46,10 +58,39 @@ def _check(settings: Settings) -> None:
         raise Unsupported(f"backend gsplat: {', '.join(changed)} cannot differ from the defaults")
 
 
-def _usable(scales: Tensor | None, *others: Tensor | None) -> Bool[Tensor, "n"]:
-    """Rows of finite numbers whose squares are finite too."""
-    finite = _reference.finite_rows(scales, *others)
-    return finite if scales is None else finite & (scales**2 < LARGEST).all(1)
+def conics(seen: Projected, settings: Settings) -> tuple[Float[Tensor, "m 3"], Int[Tensor, "m 2"]]:
+    """What gsplat takes for a shape: the inverse covariances (xx, xy, yy), and how far alpha reaches its floor."""
+    wide, across, high = (2**0.5 * seen.factor).unbind(1)
+    shape = torch.stack([wide**2, wide * across, across**2 + high**2], -1)
+    with torch.no_grad():
+        variance = torch.stack([shape[:, 2] / (wide * high) ** 2, high**-2], -1)
+        reach = (2 * (seen.opacity / settings.alpha_floor).log()).clamp(min=0).sqrt()
+        pixels = (reach[:, None] * variance.sqrt()).clamp(max=FARTHEST).floor() + 1
+    return shape, pixels.int()
+
+
+def composite(
+    run: Kernels, seen: Projected, values: Float[Tensor, "m c"], view: View, settings: Settings
+) -> tuple[Float[Tensor, "h w c"], Float[Tensor, "h w"]]:
+    """Blended values and alpha."""
+    if not len(values):
+        # No kernel starts on nothing; gradients are zeros all the same.
+        nothing = values.sum() + seen.opacity.sum() + seen.centre.sum() + seen.factor.sum()
+        blank = nothing.float().expand(view.height, view.width)
+        return blank[..., None].expand(-1, -1, values.shape[1]), blank
+    shape, radii = conics(seen, settings)
+    centre = (seen.centre + 0.5).float()[None]
+    across, down = -(-view.width // TILE), -(-view.height // TILE)
+    with torch.no_grad():
+        _, ids, order = run.tiles(
+            centre, radii[None], seen.depth.float()[None], TILE, across, down, n_images=1
+        )
+        begins = run.offsets(ids, 1, across, down)
+    blended, alpha = run.pixels(
+        centre, shape.float()[None], values.float()[None], seen.opacity.float()[None],
+        view.width, view.height, TILE, begins, order,
+    )  # fmt: skip
+    return blended[0], alpha[0, ..., 0]
 
 
 def rasterise(
@@ -63,78 +104,50 @@ def rasterise(
     view: View,
     settings: Settings,
     background: Float[np.ndarray, "3"],
-) -> Images:
-    """The images of `rpaug.render.splat.rasterise`, on the GPU; tensors stay on their device.
+) -> tuple[Images, Projected]:
+    """The images of `rpaug.render.splat.rasterise`, on the GPU, and what was drawn; tensors stay on their device.
 
     Non-finite Gaussians are left out, as on the CPU. Raises MissingExtra or Unsupported.
     """
-    run = rasterization()
+    run = kernels()
     _check(settings)
-    rows = torch.nonzero(_usable(scales, means, opacities, sh, quats, covariances, features))[:, 0]
-    kind: dict[str, Any] = {"dtype": torch.float32, "device": means.device}
-    pose = torch.as_tensor(view.world_to_camera, dtype=means.dtype, device=means.device)
-    # Relative to the camera in the precision given, then float32.
-    offset = means[rows] + pose[:3, :3].T @ pose[:3, 3]
-    turn = torch.eye(4, **kind)
-    turn[:3, :3] = pose[:3, :3]
-    direction = offset / offset.norm(dim=1, keepdim=True).clamp(min=1e-12)
-    basis = _reference.harmonics(direction, sh.shape[1])
-    color = (0.5 + (basis[:, :, None] * sh[rows]).sum(1)).clamp(min=0.0)
-    values = color if features is None else torch.cat([color, features[rows]], 1)
-    K = torch.as_tensor(view.K, **kind).clone()
-    K[:2, 2] += 0.5
-    shape: dict[str, Tensor | None] = {"quats": None, "scales": None}
-    if covariances is not None:
-        shape["covars"] = _reference.covariance_matrices(None, None, covariances[rows]).float()
-    else:
-        assert quats is not None
-        assert scales is not None
-        turn_of = quats[rows].float()
-        plain = torch.tensor([1.0, 0, 0, 0], **kind)  # a quaternion of zeros turns nothing
-        turn_of = torch.where((turn_of == 0).all(1, keepdim=True), plain, turn_of)
-        shape = {"quats": turn_of, "scales": scales[rows].float()}
-    drawn, alphas, _ = run(
-        means=offset.float(),
-        opacities=opacities[rows].float().clamp(max=1.0),
-        colors=values.float(),
-        viewmats=turn[None],
-        Ks=K[None],
-        width=view.width,
-        height=view.height,
-        near_plane=settings.near,
-        eps2d=settings.dilation,
-        rasterize_mode="antialiased" if settings.antialiased else "classic",
-        render_mode="RGB+ED",
-        packed=False,
-        **shape,
-    )
-    alpha = alphas[0, ..., 0]
-    fill = torch.as_tensor(background, **kind)
-    more = None if features is None else drawn[0, ..., 3:-1]
-    return Images(drawn[0, ..., :3] + (1 - alpha[..., None]) * fill, drawn[0, ..., -1], alpha, more)
+    given = (means, opacities, sh, quats, scales, covariances, features)
+    m, o, s, q, size, c, f = (None if tensor is None else tensor.double() for tensor in given)
+    assert m is not None
+    assert o is not None
+    assert s is not None
+    seen = _reference.project(m, o, s, q, size, c, f, view, settings)
+    extra = [] if f is None else [f[seen.rows]]
+    values = torch.cat([seen.color, seen.depth[:, None], *extra], 1)
+    blended, alpha = composite(run, seen, values, view, settings)
+    fill = torch.as_tensor(background, dtype=torch.float32, device=alpha.device)
+    color = blended[..., :3] + (1 - alpha[..., None]) * fill
+    depth = blended[..., 3] / alpha.clamp(min=SMALLEST_ALPHA)
+    more = None if features is None else blended[..., 4:]
+    return Images(color, depth, alpha, more), seen
 
 
 def render(splats: Splats, view: View, settings: Settings, background: np.ndarray) -> Rendering:
     """`rasterise` for arrays. gsplat tells no surface: its depth is 0 and its index -1 everywhere."""
-    rasterization()
-    names = [field.name for field in dataclasses.fields(Splats)]
-    arrays = {name: getattr(splats, name) for name in names}
+    kernels()
     tensors: dict[str, Any] = {
-        name: None if array is None else torch.as_tensor(np.ascontiguousarray(array), device="cuda")
-        for name, array in arrays.items()
+        name: None if array is None else torch.tensor(array, device=DEVICE)
+        for name, array in vars(splats).items()
     }
     with torch.no_grad():
-        made = rasterise(**tensors, view=view, settings=settings, background=background)
+        made, seen = rasterise(**tensors, view=view, settings=settings, background=background)
     color, depth, alpha, features = (
-        np.zeros(0, np.float32) if image is None else image.cpu().numpy() for image in made
+        None if image is None else image.cpu().numpy() for image in made
     )
-    usable = _usable(tensors.pop("scales"), *tensors.values())
+    assert color is not None
+    assert depth is not None
+    assert alpha is not None
     return Rendering(
         color=color,
         depth_expected=depth,
         depth_surface=np.zeros_like(depth),
         surface_index=np.full(depth.shape, -1, np.int32),
         alpha=alpha,
-        features=None if splats.features is None else features,
-        nonfinite=int((~usable).sum()),
+        features=features,
+        nonfinite=seen.nonfinite,
     )

@@ -96,11 +96,24 @@ class Rasteriser:
         surface: bool = True,
     ) -> Rendering:
         """Render. Without `surface` the surface's depth and index are left empty, which is faster."""
+        nonfinite = self._draw(splats, view, background, surface)
+        return self._rendering(surface, nonfinite)
+
+    def prepare(
+        self, splats: Splats, view: View, background: Float32[np.ndarray, "3"] | float = 0.0
+    ) -> None:
+        """Render for a backward pass alone: no image is handed out."""
+        self._draw(splats, view, background, False)
+
+    def _draw(
+        self, splats: Splats, view: View, background: np.ndarray | float, surface: bool
+    ) -> int:
+        """Composite; how many splats are not finite."""
         self._take(splats, view, background)
         nonfinite = self._project()
         self._bin()
         self._composite(surface)
-        return self._rendering(surface, nonfinite)
+        return nonfinite
 
     def backward(
         self,

@@ -113,7 +113,7 @@ def project(
     settings: Settings,
 ) -> Projected:
     """Carry Gaussians onto the image plane; what cannot be drawn is left out and gets no gradient."""
-    pose = torch.as_tensor(view.world_to_camera, dtype=means.dtype)
+    pose = torch.as_tensor(view.world_to_camera, dtype=means.dtype, device=means.device)
     turn, centre = pose[:3, :3], -pose[:3, :3].T @ pose[:3, 3]
     fx, fy, cx, cy = (float(view.K[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
 

@@ -89,7 +89,7 @@ def rasterise(
     if backend == "gsplat":
         from rpaug.render.splat import _gsplat
 
-        return _gsplat.rasterise(*tensors, view, settings, fill)
+        return _gsplat.rasterise(*tensors, view, settings, fill)[0]
     if backend == "reference":
         color = torch.as_tensor(fill, dtype=means.dtype)
         return _reference.rasterise(*tensors, view, settings, color)[0]
