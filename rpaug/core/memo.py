@@ -10,14 +10,16 @@ from weakref import WeakKeyDictionary
 from rpaug.core.types import Episode, Scene
 
 ANSWERS = 32  # kept of an episode
-kept_scenes = 1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
+kept_scenes = (
+    1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
+)
 
 Found = TypeVar("Found")
 
 
 def keep(scenes: int) -> None:
     """Let `last` keep answers of that many scenes from now on, for those who ask of scenes by turns."""
-    global kept_scenes  # noqa: PLW0603  # one process, one way to ask
+    global kept_scenes  # one process, one way to ask
     kept_scenes = max(kept_scenes, scenes)
 
 

@@ -35,7 +35,7 @@ class Job:
     scenes: Path | None = None  # a store of fitted scenes
     donor: str | None = None  # key of the episode whose static Gaussians are borrowed
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
-    device: str = "cpu"  # that fits Gaussians
+    device: str = "cpu"  # that fits Gaussians and edits appearance
 
 
 def augment(job: Job) -> Iterator[str]:
@@ -69,7 +69,7 @@ def _copies(job: Job) -> Iterator[str]:
     with watch("ground"):
         ground(scene, recipe)
     kept = cache(partial(surfels.recorded, scene))
-    prepared = PreparedEpisode(scene, plan, recipe, kept, job.keep_invalid)
+    prepared = PreparedEpisode(scene, plan, recipe, kept, job.keep_invalid, job.device)
     shared = {stage: seconds / len(job.copies) for stage, seconds in watch.seconds.items()}
     for number, (copy, key) in enumerate(job.copies, 1):
         place = CopyPlace(job.key, copy, job.target, key)

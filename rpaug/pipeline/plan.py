@@ -108,7 +108,7 @@ class Plan:
     than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
     `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
     of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it.
-    `device` is what fits Gaussians; frames are drawn on the CPU whatever it is."""
+    `device` is what fits Gaussians and edits appearance; else frames are drawn on the CPU whatever it is."""
 
     tier: int
     representations: dict[str, int]
@@ -156,7 +156,7 @@ class Plan:
         facts |= {"film": dict(self.video)} if self.video else {}
         facts |= {"refined": dict(self.refined)} if self.refined else {}
         if self.device != "cpu":
-            facts["device"] = {"fits": self.device, "frames": "cpu"}
+            facts["device"] = {"fits": self.device, "appearance": self.device, "frames": "cpu"}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:

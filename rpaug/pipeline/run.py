@@ -46,7 +46,7 @@ class Run:
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
-    device: str = "cpu"  # that fits Gaussians: cpu or cuda
+    device: str = "cpu"  # that fits Gaussians and edits appearance: cpu or cuda
     shard: tuple[int, int] | None = None  # which part of how many this run makes, from 1
 
     def __post_init__(self) -> None:

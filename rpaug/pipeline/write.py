@@ -165,7 +165,7 @@ def replay(
     kept = not any(fault.startswith(verdict.INVALID) for fault in judged.get("faults", ()))
     words = (described.get("words") or {}).get("written")
     known = Known(judged.get("attempt", 0), described["draws"], words)
-    prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept)
+    prepared = PreparedEpisode(scene, made_plan, recipe, keep_invalid=kept, device=device)
     made = draw_copy(prepared, described["copy"], known=known)
     place = CopyPlace(described["source"], described["copy"], target, key)
     write(adapter, made, described["recipe"], place, {})
