@@ -33,7 +33,7 @@ PICKLES = (".pkl", ".pickle", ".p")
 NEAR, FAR = 0.01, 10.0
 Planes = list[tuple[float, float]]
 MOST_ID = 2**24 - 1  # in a mask of three channels
-THREADS = 2
+THREADS = 2, 8  # that write frames: beside other workers, and alone at most
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
 IMAGES = [
@@ -173,7 +173,7 @@ def _write_images(
     episode: Episode, recorded: RLBenchSource | None, work: Path, planes: Mapping[str, Planes]
 ) -> None:
     """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(_threads()) as pool:
         jobs = []
         for name in episode.views:
             kinds = _kinds(episode, recorded, name)
@@ -185,6 +185,13 @@ def _write_images(
             ]
         for job in jobs:
             job.result()
+
+
+def _threads() -> int:
+    """Workers beside others are told to keep to themselves by the variables that libraries read."""
+    few, most = THREADS
+    alone = "OMP_NUM_THREADS" not in os.environ
+    return max(few, min(most, len(os.sched_getaffinity(0)))) if alone else few
 
 
 def _kinds(
