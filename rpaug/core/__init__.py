@@ -1,6 +1,7 @@
 """Values, contracts, geometry, color, metrics, files and caches: what every other folder may import."""
 
 __all__ = [
+    "ahead",
     "cache",
     "color_space",
     "devices",

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float64
 
+from rpaug.core.ahead import in_order
 from rpaug.core.errors import Unsupported
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, Gaussians, Scene
@@ -147,7 +148,8 @@ def _descended(
     tell: Progress,
 ) -> tuple[Scene, int]:
     """The scene with Gaussians of all times, and the steps it took."""
-    shots = [shot_of(scene.episode, name, t) for t in trained for name in scene.episode.views]
+    views = scene.episode.views
+    shots = list(in_order(partial(shot_of, scene.episode, n, t) for t in trained for n in views))
     descent = Descent(begun.gaussians, scene, trained, settings, begun.held)
     rng, checks, step = np.random.default_rng(seed), [], 0
     with ThreadPoolExecutor(settings.threads) as pool:

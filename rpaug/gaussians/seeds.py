@@ -1,5 +1,6 @@
 """The Gaussians a fit starts from: every surface that was ever recorded, once."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ HISTORY_FRAMES = 32  # of moving cameras, for static surfaces that no fixed came
 MOST = 4000  # Gaussians of one moving body
 AS_FINE = 1.1  # footprints that differ by less are equally fine
 CHECKER = 2.0**0.5  # pixels between neighbours on a chequerboard
+LARGE = 640 * 480  # pixels: larger images are lifted at so many at most
 
 
 def seeds(scene: Scene) -> Gaussians:
@@ -48,19 +50,35 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
 
 
 def finest(pictures: Sequence[LiftedImage]) -> Iterator[Gaussians]:
-    """A Gaussian for each used pixel, each place left to the picture that shows it finest; of equals to the first."""
+    """A Gaussian for each used pixel of the grid, each place left to the picture that shows it finest; of equals to the
+    first."""
     for k, picture in enumerate(pictures):
-        part = lifted(picture)
+        part = _gridded(picture)
         earlier, later = _footprints(part, pictures[:k]), _footprints(part, pictures[k + 1 :])
         mine = (part.scales[:, 1] < earlier / AS_FINE) & (part.scales[:, 1] <= later * AS_FINE)
         yield chosen(part, mine)
 
 
 def _sparse(picture: LiftedImage) -> Gaussians:
-    """Every second pixel, as on a chequerboard."""
+    """Every second pixel of the grid, as on a chequerboard."""
+    step = _step(picture)
     height, width = picture.ids.shape
-    black = (np.arange(height)[:, None] + np.arange(width)) % 2 == 0
-    return lifted(replace(picture, use=picture.use & black), CHECKER)
+    row, column = np.arange(height)[:, None], np.arange(width)
+    black = (row % step == 0) & (column % step == 0) & ((row // step + column // step) % 2 == 0)
+    return lifted(replace(picture, use=picture.use & black), CHECKER * step)
+
+
+def _gridded(picture: LiftedImage) -> Gaussians:
+    """The pixels of a grid: all of an image that is no larger than `LARGE`."""
+    step = _step(picture)
+    on_grid = np.zeros_like(picture.use)
+    on_grid[::step, ::step] = True
+    return lifted(replace(picture, use=picture.use & on_grid), step)
+
+
+def _step(picture: LiftedImage) -> int:
+    """Pixels between neighbours on the grid: a large image shows surfaces finer than their Gaussians need to be."""
+    return math.ceil(math.sqrt(picture.ids.size / LARGE))
 
 
 def _unseen(part: Gaussians, by: Sequence[LiftedImage]) -> Gaussians:
@@ -79,7 +97,7 @@ def _footprints(part: Gaussians, by: Sequence[LiftedImage]) -> Float32[np.ndarra
         r, c, z = row[inside], column[inside], local[inside, 2]
         near = np.abs(picture.depth[r, c] - z) < 0.01 + SAME_DEPTH * z
         shown = near & picture.use[r, c] & (picture.ids[r, c] == part.ids[inside])
-        size = np.where(shown, SPREAD * z / picture.K[0, 0], np.inf)
+        size = np.where(shown, SPREAD * _step(picture) * z / picture.K[0, 0], np.inf)
         out[inside] = np.minimum(out[inside], size)
     return out
 
@@ -93,7 +111,7 @@ def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
             picture = picture_of(view, t, instance_ids)
             if picture is None:
                 continue
-            part = lifted(picture)
+            part = _gridded(picture)
             for body, own in zip(bodies, found, strict=True):
                 mine = chosen(part, np.isin(part.ids, list(body.instance_ids)))
                 if len(mine):

@@ -14,6 +14,7 @@ import shutil
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import zarr
 from jaxtyping import Int32
 from zarr.codecs import ZstdCodec
 
+from rpaug.core.ahead import in_order
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, atomic_folder
 from rpaug.core.types import Body, Episode, Gaussians, Gaussians4, Scene
@@ -84,10 +86,10 @@ def key(scene: Scene, settings: Any, seed: int, donor_key: str = "") -> str:
         digest.update(name.encode() + b"\0")
         _add(digest, view.camera.K)
         _add(digest, view.camera.cam_to_world)
-        for t in range(episode.length):
-            for read in (view.rgb, view.depth, view.ids):
-                if read is not None:
-                    _add(digest, read(t))
+        reads = [read for read in (view.rgb, view.depth, view.ids) if read is not None]
+        images = (partial(read, t) for t in range(episode.length) for read in reads)
+        for image in in_order(images):
+            _add(digest, image)
     return digest.hexdigest()[:32]
 
 

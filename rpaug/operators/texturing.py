@@ -182,7 +182,7 @@ class Texturing(Operator):
         return replace(scene, appearance=(*scene.appearance, *laid))
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
-        word = _prevailing(self._texture(edit))
+        word = _prevailing(*self._named(edit))
         if word is None and not edit["digest"]:  # an own image has no word
             word = shipped.pattern(edit["texture"])
         return (Painted(frozenset(one["handle"] for one in edit["surfaces"]), word),)
@@ -216,20 +216,25 @@ class Texturing(Operator):
         return described | {"smooth": smooth.describe() if smooth else None}
 
     def _texture(self, edit: Edit) -> Texture:
-        mirror = self.repeat == "mirror" or (self.repeat is None and self.textures is not None)
         if self.textures is not None:
             same(self.textures, edit["texture"], edit["digest"])
-        return _pyramid(self.textures, edit["texture"], edit["digest"], mirror)
+        return _pyramid(*self._named(edit))
+
+    def _named(self, edit: Edit) -> tuple[Path | None, str, str | None, bool]:
+        mirror = self.repeat == "mirror" or (self.repeat is None and self.textures is not None)
+        return self.textures, edit["texture"], edit["digest"], mirror
 
 
-@lru_cache(8)
+@lru_cache(24)  # the shipped set, 1.4 MB each
 def _pyramid(where: Path | None, name: str, digest: str | None, mirror: bool) -> Texture:
     image = shipped.image(name) if where is None else folder.image(where, name)
     return Texture.of(image, mirror)
 
 
-def _prevailing(texture: Texture) -> str | None:
+@lru_cache(256)
+def _prevailing(where: Path | None, name: str, digest: str | None, mirror: bool) -> str | None:
     """The color word for nearly all of an image, None for a pattern of several."""
+    texture = _pyramid(where, name, digest, mirror)
     start, rows, columns = next(size for size in texture.sizes if max(size[1:]) <= COARSE)
     texels = texture.texels[start : start + rows * columns] / 255.0
     named = [color_space.nearest(texel) for texel in texels]

@@ -36,7 +36,9 @@ def composite(
     The others are within one level of what `rpaug.render.composite` gives, but where two ways of taking an outline
     apart explain a pixel as well.
     """
-    color = rgb.float() / 255
+    color = rgb.float() / torch.tensor(
+        255.0, device=rgb.device
+    )  # a number is multiplied by its inverse
     touched = torch.zeros_like(ids, dtype=torch.bool)
     for step in range(max(map(len, edits), default=0)):
         due = [n for n, own in enumerate(edits) if step < len(own)]
