@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float32, Int
 
 from rpaug.core import geometry
+from rpaug.core.ahead import in_order
 from rpaug.core.sampling import frames
 from rpaug.core.types import Body, CameraView, Gaussians, Scene
 from rpaug.gaussians.gaussians import SPREAD, LiftedImage, chosen, joined, lifted, moved
@@ -39,14 +41,18 @@ def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
         plates.append(LiftedImage(plate.rgb, plate.depth, plate.ids, camera.K, pose, plate.known))
     yield from finest(plates)
     done = plates
-    for view in scene.episode.views.values():
-        if not view.camera.fixed:
-            for t in frames(scene.episode.length, HISTORY_FRAMES):
-                past = picture_of(view, t, kept.static)
-                if past is not None:
-                    part = _sparse(past)
-                    yield _unseen(part, done)
-                    done = [*done, past]
+
+    def of(view: CameraView, t: int) -> tuple[LiftedImage, Gaussians] | None:
+        past = picture_of(view, t, kept.static)
+        return None if past is None else (past, _sparse(past))
+
+    moving = [view for view in scene.episode.views.values() if not view.camera.fixed]
+    times = frames(scene.episode.length, HISTORY_FRAMES)
+    for found in in_order(partial(of, view, t) for view in moving for t in times):
+        if found is not None:
+            past, part = found
+            yield _unseen(part, done)
+            done = [*done, past]
 
 
 def finest(pictures: Sequence[LiftedImage]) -> Iterator[Gaussians]:
@@ -106,16 +112,22 @@ def _bodies(scene: Scene, bodies: Sequence[Body]) -> Iterator[Gaussians]:
     """Gaussians of moving bodies, each in its own frame."""
     found: list[list[Gaussians]] = [[] for _ in bodies]
     instance_ids = frozenset().union(*(body.instance_ids for body in bodies))
-    for t in frames(scene.episode.length, BODY_FRAMES):
-        for view in scene.episode.views.values():
-            picture = picture_of(view, t, instance_ids)
-            if picture is None:
-                continue
-            part = _gridded(picture)
-            for body, own in zip(bodies, found, strict=True):
-                mine = chosen(part, np.isin(part.ids, list(body.instance_ids)))
-                if len(mine):
-                    own.append(moved(mine, geometry.inverse(body.to_world[t])))
+
+    def of(view: CameraView, t: int) -> list[Gaussians]:
+        picture = picture_of(view, t, instance_ids)
+        if picture is None:
+            return []
+        part = _gridded(picture)
+        mine = [chosen(part, np.isin(part.ids, list(body.instance_ids))) for body in bodies]
+        back = [geometry.inverse(body.to_world[t]) for body in bodies]
+        return [moved(one, pose) for one, pose in zip(mine, back, strict=True)]
+
+    times = frames(scene.episode.length, BODY_FRAMES)
+    views = scene.episode.views.values()
+    for parts in in_order(partial(of, view, t) for t in times for view in views):
+        for own, part in zip(found, parts, strict=False):  # none of a picture without any
+            if len(part):
+                own.append(part)
     return (thinned(joined(own)) for own in found if own)
 
 

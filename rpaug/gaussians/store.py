@@ -23,6 +23,7 @@ import zarr
 from jaxtyping import Int32
 from zarr.codecs import ZstdCodec
 
+from rpaug.core import memo
 from rpaug.core.ahead import in_order
 from rpaug.core.errors import BadInput
 from rpaug.core.files import PART, atomic_folder
@@ -68,6 +69,7 @@ class Stored:
     borrowed: Borrowed | None = None
 
 
+@memo.once
 def key(scene: Scene, settings: Any, seed: int, donor_key: str = "") -> str:
     """Hash of all that a fit depends on: every recorded image, cameras, gripper, bodies, settings, seed, and the key
     of the scene that lends it Gaussians."""
