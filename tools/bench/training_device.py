@@ -74,11 +74,13 @@ def augmented(batches: Batches, root: Path, edits: list[dict[str, Any]], device:
         frame=lambda sample: [t for _, t in sample["where"]],
         cameras={name: name for name in batches.names},
         device=device,
+        scenes=root.parent / "scenes",
     )
 
 
 def linked(dataset: Path, folder: Path, episodes: int) -> Path:
-    """A dataset of copies of the first episode."""
+    """A dataset of copies of the first episode, in a folder beside which there is room."""
+    folder = folder / "dataset"
     adapter = registry.adapter_for(dataset)
     key = adapter.episodes(dataset)[0]
     for number in range(episodes):
@@ -207,23 +209,20 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    found: dict[str, Any] = {"torch": torch.__version__, "device": given.device}
-    if given.device != "cpu":
-        found["gpu"] = torch.cuda.get_device_name(0)
+    which = "cpu" if given.device == "cpu" else torch.cuda.get_device_name(0)
+
+    def tell(name: str, facts: dict[str, Any]) -> None:
+        print(json.dumps({name: facts}) if given.json else f"{name}: {facts}", flush=True)
+
+    tell("device", {"torch": torch.__version__, "name": which})
     with tempfile.TemporaryDirectory() as folder:
         root = linked(given.dataset, Path(folder), given.episodes)
         for name, edits in RECIPES.items():
-            found[name] = rates(root, edits, given.device, given.epochs, given.batch)
-            if given.host:
-                torch.set_num_threads(1)
-                found[f"{name}, host"] = rates(root, edits, "cpu", 2, given.batch)
+            tell(name, rates(root, edits, given.device, given.epochs, given.batch))
             if not given.no_step:
-                found[f"{name}, step"] = step_share(root, edits, given.device, given.step_batch)
-    if given.json:
-        print(json.dumps(found))
-        return
-    for name, facts in found.items():
-        print(name, facts)
+                tell(f"{name}, step", step_share(root, edits, given.device, given.step_batch))
+            if given.host:
+                tell(f"{name}, host", rates(root, edits, "cpu", 1, given.batch))
 
 
 if __name__ == "__main__":
