@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters.rlbench.pickles import Demo, Observation, load
+from rpaug_adapters.shared.folders import see_no_link_out
 from rpaug_adapters.shared.held import HeldImages
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry, kernel
@@ -41,6 +42,7 @@ class RLBenchSource:
 
 def read_episode(folder: Path, key: str) -> Episode:
     """The episode in a folder, images lazy. Raises BadInput."""
+    _see_no_links_out(folder)
     demo = load(folder / LOW_DIM)
     observations = _observations(folder / LOW_DIM, demo)
     for path in sorted(folder.glob("*.pkl")):
@@ -58,6 +60,17 @@ def read_episode(folder: Path, key: str) -> Episode:
         length=len(observations),
         source=RLBenchSource(folder, demo, views, codes, descriptions),
     )
+
+
+def _see_no_links_out(folder: Path) -> None:
+    """Of pickles and images, which are read before anything is passed on. Raises BadInput."""
+    home = folder.resolve()
+    read = [*folder.glob("*.pkl"), *(one for kind in KINDS for one in folder.glob(f"*_{kind}"))]
+    for path in read:
+        see_no_link_out(path, home)
+        for entry in os.scandir(path) if path.is_dir() else ():
+            if entry.is_symlink():
+                see_no_link_out(Path(entry.path), home)
 
 
 def untouched(source: RLBenchSource) -> dict[str, bytes]:

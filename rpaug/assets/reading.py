@@ -149,6 +149,8 @@ def _triangles(path: Path) -> Mesh:
         points, faces = np.asarray(loaded.vertices, float), np.asarray(loaded.faces)
         if points.shape[1:] != (3,) or faces.shape[1:] != (3,) or not len(faces):
             raise ValueError("no triangles")
+        if not np.isfinite(points).all():
+            raise ValueError("vertices that are not finite")
         if not 0 <= faces.min() <= faces.max() < len(points):
             raise ValueError(f"a corner {faces.max()} of {len(points)} vertices")
         stated = "vertex_normals" in loaded._cache  # else trimesh would work them out, with scipy
@@ -158,6 +160,8 @@ def _triangles(path: Path) -> Mesh:
             np.isfinite(normals).all() and np.isfinite(uv).all()
         ):
             raise ValueError("normals or texture coordinates that are not finite")
+    except ModuleNotFoundError:  # of what guesses encodings
+        raise BadInput(path, "text", found="bytes that are no UTF-8", expected="UTF-8") from None
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries do
         found = (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise BadInput(path, "mesh", found=found, expected="a readable mesh") from None
@@ -186,8 +190,12 @@ def _beside(path: Path, name: str) -> bytes:
 
 
 def _unicode(name: str, data: bytes) -> bytes:
-    """Text as UTF-8, of old files too: trimesh would guess their encoding by a package of its own."""
-    if not name.lower().endswith((".obj", ".mtl")):
+    """Text as UTF-8, of old files too: trimesh would guess their encoding by a package of its own. A binary STL, which
+    is as long as it says, without the words at its head."""
+    ending = Path(name).suffix.lower()
+    if ending == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return bytes(80) + data[80:]
+    if ending not in (".obj", ".mtl", ".gltf", ".stl"):
         return data
     try:
         return data.decode().encode()

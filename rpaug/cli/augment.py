@@ -203,11 +203,11 @@ def contact_sheet(run: Any, described: dict[str, Any]) -> int:
 
 def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
     """What a run would do. Images are looked at only to measure errors, where the recipe states an accuracy."""
-    from rpaug.pipeline import prepare
+    from rpaug.pipeline import plan, prepare
     from rpaug.pipeline.augment import check
 
     check(run, resume)
-    plans, total, failed = [], {"seconds": 0.0, "megabytes": 0.0}, {}
+    plans, costs, failed = [], [], {}
     lines: dict[str, list[str]] = {}
     for key in run.keys:
         try:
@@ -217,11 +217,11 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
             failed[key] = str(error)
             continue
         cost = made.cost(episode, len(run.copies))
-        total = {name: total[name] + cost[name] for name in total}
+        costs.append(cost)
         own = {name: round(value, 3) for name, value in cost.items()}
         plans.append({"episode": key, "frames": episode.length, **made.describe(), "estimate": own})
         lines[key] = [str(region) for region in made.regions if region.met is not None]
-    total = {name: round(value, 1) for name, value in total.items()}
+    total = {name: round(value, 1) for name, value in plan.total(costs).items()}
     described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
     if as_json:
         print_json(described)

@@ -6,6 +6,7 @@ the size of an image before anything is allocated for it, `decode_*` and `encode
 raises `BadInput`.
 """
 
+import errno
 import os
 import re
 import shutil
@@ -48,6 +49,10 @@ __all__ = [
 ]
 
 REJECTED = "rejected"  # folder beside the episodes: copies that failed their gates
+UNSYNCED = {
+    errno.EINVAL,
+    errno.ENOTSUP,
+}  # what network and FUSE file systems answer to fsync of a folder
 SEGMENT = struct.Struct(">BBH")  # of a JPEG: 0xFF, its kind, its length
 
 
@@ -193,10 +198,13 @@ def flush_folder(folder: Path) -> None:
 
 
 def flush(path: Path) -> None:
-    """See a file's bytes, or a folder's entries, onto the disk."""
+    """See a file's bytes, or a folder's entries, onto the disk; the latter where the file system can do that."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in UNSYNCED or not stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise
     finally:
         os.close(descriptor)
 
@@ -216,3 +224,9 @@ def write_atomic(target: Path, data: bytes, durable: bool = False) -> None:
     except BaseException:
         Path(work).unlink(missing_ok=True)
         raise
+
+
+def write_changed(target: Path, data: bytes) -> None:
+    """Write a file as `write_atomic` does, durable; one that holds just that stays untouched."""
+    if not (target.is_file() and target.stat().st_size == len(data) and read_bytes(target) == data):
+        write_atomic(target, data, durable=True)

@@ -12,7 +12,7 @@ import yaml
 from jaxtyping import UInt8
 
 from rpaug.core import keyframes
-from rpaug.core.files import REJECTED, write_atomic
+from rpaug.core.files import REJECTED, write_changed
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
 from rpaug.pages import told
@@ -57,7 +57,7 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
         f"{''.join(parts)}"
         f"<h2>Recipe</h2><details><summary>as YAML</summary><pre tabindex=0>{_yaml(summary['recipe'])}</pre></details>"
     )
-    write_atomic(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
+    write_changed(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
     return target / report.CONTACT_SHEET
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from rpaug.core.errors import BadInput
-from rpaug.core.files import apart, write_atomic
+from rpaug.core.files import apart, write_changed
 from rpaug.core.owner import owned
 from rpaug.pipeline import journal, output_folder, prepare, report, totals
 from rpaug.pipeline import workers as local
@@ -114,7 +114,7 @@ def finish(run: Run, held: Journal, summary: Summary) -> None:
     if not run.shard:
         output_folder.write_card(run, held)
     described = vars(summary) | {"dataset": str(run.source.resolve()), **run.marker}
-    write_atomic(run.target / report.SUMMARY, report.encode(described), durable=True)
+    write_changed(run.target / report.SUMMARY, report.encode(described))
 
 
 def _staged(run: Run, todo: Iterable[Job]) -> list[Iterable[Job]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rpaug.core.errors import BadInput
-from rpaug.core.files import PART, REJECTED, write_atomic
+from rpaug.core.files import PART, REJECTED, write_changed
 from rpaug.core.fingerprint import same_files, sealed
 from rpaug.pipeline import card, journal, report
 from rpaug.pipeline.copies import ORIGINAL
@@ -195,4 +195,4 @@ def write_card(run: Run, held: Journal) -> None:
         licence=run.licence,
         ratio=run.ratio and f"{run.ratio[0]}:{run.ratio[1]}",
     )
-    write_atomic(run.target / card.NAME, given.encode())
+    write_changed(run.target / card.NAME, given.encode())

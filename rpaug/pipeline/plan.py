@@ -25,14 +25,17 @@ FIT = (
 )  # fmt: skip
 FEWEST = 200  # pixels: the residual of a smaller region says little
 
-# Rough figures of a 2-core machine, for --dry-run: seconds per million rendered pixels, and per fit.
-SECONDS = {0: 0.3, 1: 2.0, 3: 1.0, 4: 1.3}
+# Rough figures of a 2-core machine, for --dry-run (tools/bench/dry_run.py): seconds per million pixels that are
+# rendered, read, or looked at for bodies; beside them what a worker, an episode and a copy take however small they are.
+SECONDS = {0: 0.15, 1: 0.4, 3: 1.0, 4: 1.3}
 SECONDS_READ = 0.1
-SECONDS_EPISODE, SECONDS_COPY = 0.006, 0.013  # more, however small it is
-SECONDS_BODIES = 3.0
+SECONDS_BODIES = 0.3
+SECONDS_START, SECONDS_EPISODE, SECONDS_COPY = 2.5, 0.006, 0.013
+SECONDS_TRACKED = 0.015  # an episode, where bodies are
 SECONDS_FIT = 90.0
 SECONDS_FOUR = 60.0  # more, where something bends
-BYTES_A_PIXEL = 3.7  # rgb, depth and mask as PNG, measured on RLBench episodes
+BYTES_A_PIXEL = 2.3  # rgb, depth and mask as PNG, measured on RLBench episodes
+BYTES_A_COPY = 8000.0  # more: report, states
 
 
 @dataclass(frozen=True)
@@ -160,17 +163,23 @@ class Plan:
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
     def cost(self, episode: Episode, copies: int) -> dict[str, float]:
-        """Estimated seconds and megabytes of `copies` edited episodes."""
+        """Estimated seconds and megabytes of `copies` of an episode, by a worker that runs already."""
         seconds = SECONDS_EPISODE + SECONDS_COPY * copies
-        seconds += SECONDS_BODIES * self.bodies + SECONDS_FIT * self.gaussians
+        seconds += SECONDS_TRACKED * self.bodies + SECONDS_FIT * self.gaussians
         seconds += SECONDS_FOUR * (4 in self.representations.values())
-        size = 0.0
+        size = copies * BYTES_A_COPY / 1e6
         for name, view in episode.views.items():
             megapixels = view.camera.width * view.camera.height * episode.length / 1e6
             rate = SECONDS[self.representations[name]] + SECONDS[3] * (name in self.blended)
-            seconds += megapixels * (SECONDS_READ + copies * rate)
+            seconds += megapixels * (SECONDS_READ + SECONDS_BODIES * self.bodies + copies * rate)
             size += copies * megapixels * BYTES_A_PIXEL
         return {"seconds": seconds, "megabytes": size}
+
+
+def total(costs: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Estimated seconds and megabytes of a run of one worker, from those of its episodes."""
+    found = {name: sum(one[name] for one in costs) for name in ("seconds", "megabytes")}
+    return found | {"seconds": found["seconds"] + SECONDS_START}
 
 
 def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan:

@@ -190,14 +190,40 @@ def test_a_clean_install_adds_meshes_without_a_traceback(tmp_path, ending):
     else:
         trimesh.creation.box((20, 10, 8)).export(file)
     absent = {*not_required(), "scipy", "charset_normalizer", "chardet"}
-    words = ["assets", "add", str(file), "--scale", "0.01", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-c", BARE.format(absent=absent), *words],
-        capture_output=True,
-        text=True,
-    )
+    done = bare(absent, "add", str(file), "--scale", "0.01", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     assert ending != "obj" or json.loads(done.stdout)["color"] != "gray"
+
+
+def bare(absent, *words):
+    """`rpaug assets` where some packages are not installed."""
+    command = [sys.executable, "-c", BARE.format(absent=absent), "assets", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_words_that_are_no_unicode_need_no_guess(tmp_path):
+    """A binary STL's head is any bytes; one that is spoilt is read as text; of a GLB it is said what is wrong."""
+    absent = {"scipy", "charset_normalizer", "chardet"}
+    box, latin = trimesh.creation.box((20, 10, 8)), "th\u00e9".encode("latin-1")
+    whole = box.export(file_type="stl")
+    (tmp_path / "head.stl").write_bytes(latin.ljust(80) + whole[80:])
+    done = bare(absent, "add", str(tmp_path / "head.stl"), "--scale", "0.01", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    (tmp_path / "cut.stl").write_bytes(latin.ljust(80) + whole[80:-7])
+    data = box.export(file_type="glb")
+    (tmp_path / "words.glb").write_bytes(data.replace(b"trimesh", latin.ljust(7)))
+    for name, found in (("cut.stl", "no triangles"), ("words.glb", "bytes that are no UTF-8")):
+        done = bare(absent, "add", str(tmp_path / name))
+        assert done.returncode == 2
+        assert found in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_a_corner_at_infinity_is_one_line(tmp_path, capfd):
+    (tmp_path / "far.obj").write_text("v nan 0 0\nv 1 inf 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(BadInput, match="vertices that are not finite"):
+        reading.read(tmp_path / "far.obj")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_normals_are_those_of_the_faces_by_their_angles(tmp_path):

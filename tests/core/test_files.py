@@ -1,7 +1,9 @@
 """Files that are whole or absent."""
 
+import errno
 import os
 import re
+import stat
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from rpaug import BadInput
 from rpaug.core.files import (
     atomic_folder,
+    flush,
     natural,
     read_bytes,
     write_atomic,
@@ -59,6 +62,33 @@ def test_a_folder_is_on_the_disk_before_it_appears(
     written = {f"{work}/front/0.png", f"{work}/report", f"{work}/front", f"{work}"}
     assert set(done[:4]) == written
     assert done[3:] == [f"{work}", f"{work} -> {target}", f"{target.parent}"]
+
+
+@pytest.mark.parametrize("code", [errno.EINVAL, errno.ENOTSUP, errno.EIO, errno.ENOSPC])
+def test_a_file_system_that_cannot_sync_folders_is_no_fault(
+    code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Any other error is one, and every error is one for a file."""
+    sync = os.fsync
+
+    def refused(descriptor: int, folders: bool = True) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode) == folders:
+            raise OSError(code, os.strerror(code))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", refused)
+    target = tmp_path / "episode0"
+    if code in (errno.EINVAL, errno.ENOTSUP):
+        with atomic_folder(target) as work:
+            (work / "0.png").write_bytes(b"0")
+        assert [path.name for path in target.iterdir()] == ["0.png"]
+    else:
+        with pytest.raises(OSError, match=re.escape(os.strerror(code))):
+            flush(tmp_path)
+    (tmp_path / "1.png").write_bytes(b"1")
+    monkeypatch.setattr(os, "fsync", lambda descriptor: refused(descriptor, folders=False))
+    with pytest.raises(OSError, match=re.escape(os.strerror(code))):
+        flush(tmp_path / "1.png")
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -269,6 +270,25 @@ def test_links_that_leave_the_episode_are_not_followed(dataset: Path, tmp_path: 
     link.symlink_to(dataset / KEY / "variation_number.pkl")
     RLBench().write(RLBench().read(dataset, KEY), tmp_path / "out", KEY, dict)
     assert not (tmp_path / "out" / KEY / "notes.txt").is_symlink()
+
+
+@pytest.mark.parametrize(
+    "name", ["front_rgb/3.png", "front_mask", "low_dim_obs.pkl", "variation_number.pkl"]
+)
+def test_what_is_read_is_no_link_out(name: str, dataset: Path, tmp_path: Path) -> None:
+    """An image of somebody else's would lie in the copy."""
+    path, outside = dataset / KEY / name, tmp_path / "outside"
+    path.rename(outside)
+    path.symlink_to(outside)
+    found = rf"{re.escape(name)}: link: found a link to .*outside; expected a file of the episode"
+    with pytest.raises(BadInput, match=found):
+        RLBench().read(dataset, KEY)
+    whole = dataset / KEY / "kept"  # a link within the episode is a file of it
+    path.unlink()
+    outside.rename(whole)
+    if whole.is_file():
+        path.symlink_to(whole)
+        assert RLBench().read(dataset, KEY).length > 0
 
 
 def test_folders_within_an_episode_are_passed_on(dataset: Path, tmp_path: Path) -> None:
