@@ -23,7 +23,7 @@ from typing import Any
 
 from rpaug.core import registry
 from rpaug.core.types import Episode
-from tools.bench import large
+from tools.bench.harness import filmed
 
 SAMPLE = Path(__file__).parents[2] / "rpaug/sample"
 SIDE, FRAMES = 16, 4  # pixels and frames of a tiny episode
@@ -38,7 +38,7 @@ TARGETED, BALL = "recolor", {"handle": 2}  # what is recolored: the tiny episode
 
 def tiny() -> Episode:
     """One camera, few frames, few pixels."""
-    return large.recording(FRAMES, SIDE, SIDE)
+    return filmed.recording(FRAMES, SIDE, SIDE)
 
 
 def datasets(root: Path, episodes: int, recordings: Path | None) -> Iterator[tuple[str, Path]]:
