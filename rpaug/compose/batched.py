@@ -107,10 +107,11 @@ class Recorded:
         found = shine(points, facing, self.ids.cpu().numpy().ravel())
         return None if found is None else self._held(found.reshape(*self.ids.shape[1:], 3))
 
-    @property
-    def bytes(self) -> int:
-        """How much the device holds of it, about."""
-        return self.ids.numel() * (3 + 4 + 4 * (3 + 3 + 1 + 1 + 3))
+    def part(self, name: str) -> list[Tensor | None]:
+        """One of `PARTS`."""
+        if name == "lifted":
+            return [getattr(self.lifted, one) for one in PARTS[name]]
+        return [getattr(self, name)]
 
     def _held(self, array: np.ndarray) -> Tensor:
         return torch.as_tensor(np.require(array, requirements=["C", "W"]), device=self._device)[
@@ -130,46 +131,149 @@ class Base:
     shine: Shine = None
 
 
+PARTS = {
+    "rgb": ("rgb",),
+    "ids": ("ids",),
+    "lifted": ("points", "facing", "footprint"),
+    "lit": ("lit",),
+    "mirrored": ("mirrored",),
+}
+BYTES = 3 + 4 + 4 * (3 + 3 + 1 + 1 + 3)  # of a pixel of which all is known
+
+
+class Kept:
+    """Recorded images of one size, kept on a device in slots: what is known of them, each part as one stack."""
+
+    def __init__(self, device: torch.device, most: int) -> None:
+        self._device, self._most = device, most
+        self._slots: OrderedDict[tuple[Episode, str, int], int] = OrderedDict()
+        self._stacks: dict[str, Tensor] = {}
+        self._known: dict[str, set[int]] = {part: set() for part in PARTS}
+        self._dull: set[int] = set()  # slots of images without highlights
+
+    def __len__(self) -> int:
+        return len(self._slots)
+
+    def slots(self, shots: Sequence[Shot]) -> list[int]:
+        """A slot for each image, those that were asked for longest ago giving way. Held for the next call too."""
+        most = max(self._most, len(shots))
+        out = []
+        for shot in shots:
+            key = shot.scene.episode, shot.camera, shot.t
+            if key not in self._slots:
+                self._slots[key] = self._free(most)
+            self._slots.move_to_end(key)
+            out.append(self._slots[key])
+        return out
+
+    def _free(self, most: int) -> int:
+        if len(self._slots) < most:
+            return len(self._slots)
+        _, slot = self._slots.popitem(last=False)
+        for known in (*self._known.values(), self._dull):
+            known.discard(slot)
+        return slot
+
+    def part(self, name: str, shots: Sequence[Shot], slots: Sequence[int]) -> list[Tensor]:
+        """The stacks of one of `PARTS`, of images that have slots. None of the highlights of images without any."""
+        known = self._known[name]
+        for shot, slot in zip(shots, slots, strict=True):
+            if slot not in known:
+                self._fill(name, shot, slot)
+                known.add(slot)
+        if name == "mirrored" and self._dull.issuperset(slots):
+            return []
+        index = torch.tensor(slots, device=self._device)
+        return [self._stacks[one][index] for one in PARTS[name]]
+
+    def _fill(self, name: str, shot: Shot, slot: int) -> None:
+        image = Recorded(shot, self._device)
+        if name != "ids" and slot in self._known["ids"]:
+            image.ids = self._stacks["ids"][slot : slot + 1]
+        if name == "mirrored" and slot in self._known["lifted"]:
+            image.lifted = Lifted(*(self._stacks[one][slot : slot + 1] for one in PARTS["lifted"]))
+        for one, made in zip(PARTS[name], image.part(name), strict=True):
+            if made is None:
+                self._dull.add(slot)
+                continue
+            self._stack(one, made)[slot] = made[0]
+
+    def _stack(self, name: str, like: Tensor) -> Tensor:
+        """Room for all slots; what has no highlights tells nothing of them."""
+        old = self._stacks.get(name)
+        if old is None or len(old) < len(self._slots):
+            size = max(16, 2 * len(self._slots)) if old is not None else max(16, len(self._slots))
+            fill = torch.nan if name == "mirrored" else 0
+            new = torch.full((min(size, max(self._most, len(self._slots))), *like.shape[1:]), fill,
+                             dtype=like.dtype, device=self._device)  # fmt: skip
+            if old is not None:
+                new[: len(old)] = old
+            self._stacks[name] = new
+        return self._stacks[name]
+
+
 class Drawing:
     """Draws images on one device."""
 
     def __init__(self, device: torch.device, kept_bytes: int | None = None) -> None:
         self.device, self._most = device, kept_bytes or _most(device)
-        self._held: OrderedDict[tuple[Episode, str, int], Recorded] = OrderedDict()
+        self.kept: dict[tuple[int, int], Kept] = {}
         self._lock = RLock()
 
     def __call__(self, shots: Sequence[Shot]) -> UInt8[Tensor, "n h w 3"]:
         """The images, all of one size, of cameras whose frames are `drawable`."""
-        return self._drawn(shots, [self.recorded(shot) for shot in shots])
+        return self.edited(shots)[1]
+
+    def edited(
+        self, shots: Sequence[Shot]
+    ) -> tuple[UInt8[Tensor, "n h w 3"], UInt8[Tensor, "n h w 3"]]:
+        """Such images as they were recorded, and as they are drawn."""
+        camera = shots[0].scene.cameras[shots[0].camera]
+        size = camera.height, camera.width
+        with self._lock:
+            if size not in self.kept:
+                self.kept[size] = Kept(self.device, self._most // (BYTES * size[0] * size[1]))
+            kept = self.kept[size]
+            slots = kept.slots(shots)
+
+            def part(name: str) -> list[Tensor]:
+                return kept.part(name, shots, slots)
+
+            (rgb,), (ids,) = part("rgb"), part("ids")
+            return rgb, self._drawn(shots, rgb, ids, part)
 
     def over(self, shots: Sequence[Shot], bases: Sequence[Base]) -> UInt8[Tensor, "n h w 3"]:
         """The images of one camera over what stands in for the recorded ones."""
         images = [
             Recorded(shot, self.device, base) for shot, base in zip(shots, bases, strict=True)
         ]
-        return self._drawn(shots, images)
 
-    def recorded(self, shot: Shot) -> "Recorded":
-        """What was recorded there, kept for those who ask again."""
-        asked = shot.scene.episode, shot.camera, shot.t
-        with self._lock:
-            if asked not in self._held:
-                self._held[asked] = Recorded(shot, self.device)
-            self._held.move_to_end(asked)
-            image = self._held[asked]
-            while len(self._held) > 1 and len(self._held) * image.bytes > self._most:
-                self._held.popitem(last=False)
-        return image
+        def part(name: str) -> list[Tensor]:
+            found = list(zip(*(one.part(name) for one in images), strict=True))
+            if name != "mirrored":
+                return [torch.cat(one) for one in found]
+            return _highlights(found[0], images)
+
+        (rgb,), (ids,) = part("rgb"), part("ids")
+        return self._drawn(shots, rgb, ids, part)
 
     def _drawn(
-        self, shots: Sequence[Shot], images: Sequence["Recorded"]
+        self,
+        shots: Sequence[Shot],
+        rgb: UInt8[Tensor, "n h w 3"],
+        ids: Int32[Tensor, "n h w"],
+        part: Callable[[str], list[Tensor]],
     ) -> UInt8[Tensor, "n h w 3"]:
+        def moved() -> Moved:
+            every = [surface.moved(shot.scene.bodies, shot.t) for shot in shots]
+            return Moved.of(every, self.device)
+
         places = Places(
-            torch.cat([one.ids for one in images]),
-            cache(lambda: Lifted.joined([one.lifted for one in images])),
-            cache(lambda: Moved.of([_moved(shot) for shot in shots], self.device)),
-            cache(lambda: torch.cat([one.lit for one in images])),
-            cache(lambda: _mirrored(images)),
+            ids,
+            cache(lambda: Lifted(*part("lifted"))),
+            cache(moved),
+            cache(lambda: part("lit")[0]),
+            cache(lambda: next(iter(part("mirrored")), None)),
         )
 
         def surfaces(at: Pixels) -> PlacedPixels:
@@ -177,8 +281,15 @@ class Drawing:
 
         edits: list[Sequence[Appearance]] = [shot.scene.appearance for shot in shots]
         mixes = [shot.scene.antialiased for shot in shots]
-        rgb = torch.cat([one.rgb for one in images])
-        return composite.composite(rgb, places.ids, edits, mixes, surfaces)
+        return composite.composite(rgb, ids, edits, mixes, surfaces)
+
+
+def _highlights(found: Sequence[Tensor | None], images: Sequence["Recorded"]) -> list[Tensor]:
+    """Those of all images, NaN in those that tell of none; nothing where no image tells of any."""
+    if all(one is None for one in found):
+        return []
+    blank = (torch.full_like(image.lifted.points, torch.nan) for image in images)
+    return [torch.cat([b if one is None else one for one, b in zip(found, blank, strict=True)])]
 
 
 @cache
@@ -243,20 +354,3 @@ def _most(device: torch.device) -> int:
     if device.type == "cpu":
         return KEPT_BYTES
     return int(KEPT_SHARE * torch.cuda.get_device_properties(device).total_memory)
-
-
-def _moved(shot: Shot) -> list[tuple[int, np.ndarray]]:
-    return surface.moved(shot.scene.bodies, shot.t)
-
-
-def _mirrored(images: Sequence[Recorded]) -> Float32[Tensor, "n h w 3"] | None:
-    """Highlights of all images; NaN in those that tell of none, None where no image tells of any."""
-    found = [one.mirrored for one in images]
-    if all(one is None for one in found):
-        return None
-    return torch.cat(
-        [
-            torch.full_like(image.lifted.points, torch.nan) if one is None else one
-            for image, one in zip(images, found, strict=True)
-        ]
-    )

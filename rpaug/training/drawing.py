@@ -19,12 +19,18 @@ KEPT_PLAIN = 512  # of those whose images are drawn on a device, which keep none
 @dataclass(frozen=True)
 class Drawn:
     """An episode with what was drawn for it; `skipped` says why it comes as recorded although a copy was due. `made`
-    is the copy that was made."""
+    is the copy that was made, `plain` its cameras whose frames are drawn on a device and kept nowhere else."""
 
     episode: Episode
     edits: list[dict[str, Any]] = field(default_factory=list)
     skipped: str = ""
     made: Made | None = None
+    plain: frozenset[str] = frozenset()
+
+    @property
+    def light(self) -> bool:
+        """Whether it keeps no images."""
+        return self.made is not None and self.plain >= self.made.scene.episode.views.keys()
 
 
 class Draws:
@@ -36,11 +42,15 @@ class Draws:
     """
 
     def __init__(
-        self, scenes: Scenes, schedule: Schedule, light: Callable[[Drawn], bool] | None = None
+        self,
+        scenes: Scenes,
+        schedule: Schedule,
+        plain: Callable[[Made], frozenset[str]] | None = None,
     ) -> None:
-        """`light` tells copies that keep no images: more of those are held."""
+        """`plain` tells a copy's cameras whose frames a device draws: copies of such alone keep no images, and more of
+        them are held."""
         self.scenes, self.schedule, self.keys = scenes, schedule, scenes.keys
-        self._light = light
+        self._plain = plain
         self.verdicts = Verdicts(scenes.folder)
         self._held: OrderedDict[tuple[int, int], Drawn] = OrderedDict()
 
@@ -49,16 +59,16 @@ class Draws:
         asked = index, epoch
         if asked not in self._held:
             self._held[asked] = self._drawn(index, epoch)
+            self._make_room()
         self._held.move_to_end(asked)
-        heavy = [one for one, drawn in self._held.items() if not self._is_light(drawn)]
-        for one in heavy[:-KEPT_DRAWS]:
-            del self._held[one]
-        if len(self._held) > KEPT_PLAIN:
-            self._held.popitem(last=False)
         return self._held[asked]
 
-    def _is_light(self, drawn: Drawn) -> bool:
-        return self._light is not None and self._light(drawn)
+    def _make_room(self) -> None:
+        heavy = [one for one, drawn in self._held.items() if not drawn.light]
+        for one in heavy[:-KEPT_DRAWS]:
+            del self._held[one]
+        while len(self._held) > KEPT_PLAIN:
+            self._held.popitem(last=False)
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_held": OrderedDict()}
@@ -78,7 +88,9 @@ class Draws:
             if draw.option and draw.left_out:
                 words = f"{key}: {draw.option.name} is left out: {draw.left_out}"
                 warnings.warn(words, stacklevel=2)
-        return Drawn(made.recorded, [draw.describe() for draw in made.draws], made=made)
+        plain = self._plain(made) if self._plain else frozenset[str]()
+        edits = [draw.describe() for draw in made.draws]
+        return Drawn(made.recorded, edits, made=made, plain=plain)
 
     def _judged(self, ready: Ready, copy: int) -> tuple[Made | None, tuple[str, ...]]:
         """The copy, or None and why it is rejected. A copy that gates judged once is not judged again."""

@@ -6,11 +6,10 @@ sample's own images are made of (axes, range, normalisation) is found there as `
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any
 
 import torch
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 from torch import Tensor
 
 from rpaug.compose import batched, inserted
@@ -23,65 +22,171 @@ from rpaug.training.drawing import Drawn
 from rpaug.training.matching import Layout
 
 Places = Mapping[str, Any]
+Cameras = Mapping[str, Mapping[Any, str]]
+MOST_UNSEEN = 64  # batches' images that were not yet seen to show what was recorded
 
 
 @dataclass(frozen=True)
 class Row:
-    """One sample of a batch: its copy, the frames it shows, and what stands at its places."""
+    """One sample of a batch: its copy, and the frames it shows."""
 
     drawn: Drawn
     frames: Sequence[int]
-    places: Places
 
 
 class OnDevice:
-    """Draws the color images of batches on one device."""
+    """Draws the color images of batches on one device.
+
+    On a GPU the drawing runs beside what the device is still busy with, the step before, and waits for nothing of it:
+    that a later batch shows what was recorded is looked at by the one after it.
+    """
 
     def __init__(self, device: torch.device) -> None:
         self.drawing = Drawing(device)
+        self._beside = torch.cuda.Stream(device) if device.type == "cuda" else None
+        self._lines: dict[str, _Line] = {}
+        self._unseen: list[tuple[Any, Tensor, str]] = []
 
-    def light(self, drawn: Drawn) -> bool:
-        """Whether a copy keeps no images of its own."""
-        made = drawn.made
-        return made is None or all(drawable(made, name) for name in made.scene.episode.views)
+    def cameras(self, made: Made) -> frozenset[str]:
+        """Those of a copy whose frames can be drawn: recorded pixels under edits of appearance."""
+        return frozenset(name for name in made.scene.episode.views if drawable(made, name))
+
+    def rows(self, rows: Sequence[Row | None], cameras: Cameras, places: Places) -> list[int]:
+        """The rows of a batch whose images are drawn here: those of copies all of whose cameras can be."""
+        names = frozenset(cameras)
+        due = [n for n, row in enumerate(rows) if row is not None and names <= row.drawn.plain]
+        if not due:
+            return []
+        first = rows[due[0]]
+        assert first is not None
+        assert first.drawn.made is not None
+        known = first.drawn.made.scene.cameras
+        fits = (
+            _sized(places[keys["rgb"]], keys["rgb"], known[name])
+            for name, keys in cameras.items()
+            if "rgb" in keys
+        )
+        return due if all(fits) else []
 
     def __call__(
-        self, rows: Sequence[Row | None], cameras: Mapping[str, Mapping[Any, str]]
-    ) -> list[dict[str, Any] | None]:
-        """What stands at each row's places once it is edited; None for a row whose frames are drawn on the host."""
-        due = {n: row for n, row in enumerate(rows) if row and self._serves(row, cameras)}
-        out = [dict(row.places) if row and n in due else None for n, row in enumerate(rows)]
+        self, rows: Sequence[Row], at: Sequence[int], cameras: Cameras, places: Places
+    ) -> dict[str, Tensor]:
+        """What stands at the places of color images once these rows, `at` those of the batch, are edited: the images
+        of the rows alone. Raises Unsupported for a batch that does not show what was recorded."""
+        self._look()
         sizes: dict[tuple[int, int], list[str]] = {}
         for name, keys in cameras.items():
-            if due and "rgb" in keys:
-                camera = _scene(next(iter(due.values()))).cameras[name]
+            if "rgb" in keys:
+                camera = _scene(rows[0]).cameras[name]
                 sizes.setdefault((camera.width, camera.height), []).append(name)
+        out = {}
         for names in sizes.values():
             shots = [
-                [Shot(_scene(row), name, t) for row in due.values() for t in row.frames]
-                for name in names
+                Shot(_scene(row), name, t) for name in names for row in rows for t in row.frames
             ]
-            drawn = self.drawing(list(chain(*shots))).chunk(len(names))
-            for name, own, after in zip(names, shots, drawn, strict=True):
+            before, after = self._drawn(shots)
+            parts = zip(names, before.chunk(len(names)), after.chunk(len(names)), strict=True)
+            for name, old, new in parts:
                 place = cameras[name]["rgb"]
-                values = [row.places[place] for row in due.values()]
-                before = torch.cat([self.drawing.recorded(shot).rgb for shot in own])
-                for n, value in zip(due, _shown(before, after, values, place), strict=True):
-                    out[n][place] = value  # type: ignore[index]
+                out[place] = self._shown(old, new, _of_rows(places[place], at), place, len(rows))
         return out
 
-    def _serves(self, row: Row, cameras: Mapping[str, Mapping[Any, str]]) -> bool:
-        """Whether a row's images are tensors of the recorded size, and its copy can be drawn."""
-        made = row.drawn.made
-        if made is None:
-            return False
-        for name, keys in cameras.items():
-            if name not in made.scene.cameras or not drawable(made, name):
-                return False
-            camera, value = made.scene.cameras[name], row.places[keys.get("rgb", "")]
-            if "rgb" in keys and not _sized(value, keys["rgb"], camera):
-                return False
-        return True
+    def _drawn(self, shots: Sequence[Shot]) -> tuple[Tensor, Tensor]:
+        if self._beside is None:
+            return self.drawing.edited(shots)
+        with torch.cuda.stream(self._beside):
+            found = self.drawing.edited(shots)
+        now = torch.cuda.current_stream(self.drawing.device)
+        now.wait_stream(self._beside)
+        for images in found:
+            images.record_stream(now)
+        return found
+
+    def _shown(
+        self,
+        before: UInt8[Tensor, "n h w 3"],
+        after: UInt8[Tensor, "n h w 3"],
+        value: Tensor,
+        name: str,
+        samples: int,
+    ) -> Tensor:
+        """What samples show at `name` once edited, each of them the same number of images, in order."""
+        layout = Layout.of(name, value, 3)
+        images = _images(value.to(before.device).float(), layout)
+        if images.shape != before.shape:
+            found, expected = len(images), len(before)
+            raise Unsupported(f"{name}: found {found} images; expected {expected}, one a frame")
+        line = self._lines.get(name)
+        if line is None:
+            line = self._lines[name] = _Line.told(images, before, samples)
+        self._see(line.fits(images, before, samples), name)
+        made = torch.where(before == after, images, after.float() * line.factor + line.offset)
+        return _back(made, layout, value)
+
+    def _see(self, fits: Bool[Tensor, ""], name: str) -> None:
+        """See to it that what a batch shows was recorded, once that is known."""
+        if self._beside is None:
+            _refuse(fits, name)
+            return
+        told = torch.empty((), dtype=torch.bool, pin_memory=True)
+        told.copy_(fits, non_blocking=True)
+        done = torch.cuda.Event()
+        done.record()
+        self._unseen.append((done, told, name))
+
+    def _look(self) -> None:
+        """Raises Unsupported for an earlier batch that did not show what was recorded, if that is known by now."""
+        while self._unseen and (len(self._unseen) > MOST_UNSEEN or self._unseen[0][0].query()):
+            done, told, name = self._unseen.pop(0)
+            done.synchronize()
+            _refuse(told, name)
+
+
+def _refuse(fits: Tensor, name: str) -> None:
+    if not bool(fits):
+        raise Unsupported(matching.strange(name))
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Factor and offset per channel that turn recorded values into those of a dataset's samples."""
+
+    factor: Float32[Tensor, "3"]
+    offset: Float32[Tensor, "3"]
+
+    @classmethod
+    def told(
+        cls, images: Float32[Tensor, "n h w 3"], before: UInt8[Tensor, "n h w 3"], samples: int
+    ) -> "_Line":
+        """Those of `matching.scale`, for images of several samples, which share them."""
+        own, theirs = (_sampled(stack, samples) for stack in (before.float(), images))
+        usual = torch.tensor(matching.USUAL, device=images.device)
+        factors, offsets = usual[:, 0, None, None, None], usual[:, 1, None, None, None]
+        errors = ((own * factors + offsets - theirs).abs() / factors).mean((1, 2))
+        lines = [
+            matching.line_of(column, (own[..., channel], theirs[..., channel]))
+            for channel, column in enumerate(errors.T.tolist())
+        ]
+        line = torch.tensor(lines, device=images.device, dtype=torch.float32)
+        return cls(line[:, 0], line[:, 1])
+
+    def fits(
+        self, images: Float32[Tensor, "n h w 3"], before: UInt8[Tensor, "n h w 3"], samples: int
+    ) -> Bool[Tensor, ""]:
+        """Whether each sample shows what was recorded, up to coding."""
+        own, theirs = (_sampled(stack, samples) for stack in (before.float(), images))
+        off = (own * self.factor + self.offset - theirs).abs()
+        reach = self.factor * (own.amax(1) - own.amin(1)).clamp(min=1.0)
+        most = max(1, round(0.99 * off.shape[1]))
+        worst = off.kthvalue(most, 1).values
+        fits = (off.mean(1) <= matching.MEAN * reach) & (worst <= matching.WORST * reach)
+        return fits.all()
+
+
+def _of_rows(value: Tensor, at: Sequence[int]) -> Tensor:
+    if len(at) == len(value):
+        return value
+    return value[torch.tensor(at, device=value.device)]
 
 
 def drawable(made: Made, camera: str) -> bool:
@@ -102,31 +207,12 @@ def _scene(row: Row) -> Scene:
 
 
 def _sized(value: Any, name: str, camera: Camera) -> bool:
-    if not isinstance(value, torch.Tensor) or not value.numel():
+    """Whether a batch's images are tensors of the recorded size."""
+    if not isinstance(value, torch.Tensor) or not value.numel() or value.ndim < 4:
         return False
     layout = Layout.of(name, value, 3)
     rows = layout.shape[-2:] if layout.first else layout.shape[-3:-1]
     return tuple(rows) == (camera.height, camera.width)
-
-
-def _shown(
-    before: UInt8[Tensor, "n h w 3"],
-    after: UInt8[Tensor, "n h w 3"],
-    values: Sequence[Tensor],
-    name: str,
-) -> list[Tensor]:
-    """What samples show at `name` once edited, each of them the same number of images, in order. Raises Unsupported."""
-    layout = Layout.of(name, values[0], 3)
-    images = _images(torch.stack([value.to(before.device) for value in values]).float(), layout)
-    if images.shape != before.shape:
-        found, expected = len(images), len(before)
-        raise Unsupported(f"{name}: found {found} images; expected {expected}, one a frame")
-    factor, offset = _scale(name, images, before, len(values))
-    made = torch.where(before == after, images, after.float() * factor + offset)
-    return [
-        _back(one, layout, value)
-        for one, value in zip(made.chunk(len(values)), values, strict=True)
-    ]
 
 
 def _images(stack: Float32[Tensor, "..."], layout: Layout) -> Float32[Tensor, "n h w 3"]:
@@ -138,31 +224,6 @@ def _back(images: Float32[Tensor, "n h w 3"], layout: Layout, like: Tensor) -> T
     rounded = images if like.dtype.is_floating_point else images.round()
     ordered = rounded.movedim(-1, -3) if layout.first else rounded
     return ordered.reshape(like.shape).to(like.dtype).to(like.device)
-
-
-def _scale(
-    name: str, images: Float32[Tensor, "n h w 3"], before: UInt8[Tensor, "n h w 3"], samples: int
-) -> tuple[Float32[Tensor, "3"], Float32[Tensor, "3"]]:
-    """`matching.scale` for images of several samples of one dataset, which share it; each sample is judged alone."""
-    own, theirs = (_sampled(stack, samples) for stack in (before.float(), images))
-    usual = torch.tensor(matching.USUAL, device=images.device)
-    factors, offsets = usual[:, 0, None, None, None], usual[:, 1, None, None, None]
-    errors = ((own * factors + offsets - theirs).abs() / factors).mean((1, 2))
-    lines = [
-        matching.line_of(column, (own[..., channel], theirs[..., channel]))
-        for channel, column in enumerate(errors.T.tolist())
-    ]
-    line = torch.tensor(lines, device=images.device, dtype=torch.float32)
-    factor, offset = line[:, 0], line[:, 1]
-    off = (own * factor + offset - theirs).abs()
-    reach = factor * (own.amax(1) - own.amin(1)).clamp(min=1.0)
-    most = max(1, round(0.99 * off.shape[1]))
-    fits = (off.mean(1) <= matching.MEAN * reach) & (
-        off.kthvalue(most, 1).values <= matching.WORST * reach
-    )
-    if not bool(fits.all()):
-        raise Unsupported(matching.strange(name))
-    return factor, offset
 
 
 def _sampled(images: Float32[Tensor, "n h w 3"], samples: int) -> Float32[Tensor, "s k 3"]:

@@ -76,38 +76,38 @@ class Wrapper:
         }
         if isinstance(named, str | int | np.integer):
             made = self._edited(named, asked, places)
-        else:  # a batch
-            rows = [
-                {place: value[row] for place, value in places.items()} for row in range(len(named))
-            ]
-            edited = self._batch(list(zip(named, asked, strict=True)), rows)
-            made = {place: _stacked([row[place] for row in edited]) for place in places}
+        else:
+            made = self._batch(list(zip(named, asked, strict=True)), places)
         for place, value in made.items():
             if value is not places[place]:
                 sample = _put(sample, place, value)
         return sample
 
-    def _batch(
-        self, asked: Sequence[tuple[Any, Any]], rows: Sequence[Mapping[str, Any]]
-    ) -> list[dict[str, Any]]:
-        """What stands at the places of each row once its episode is edited: drawn on a device, where one serves."""
-        made: list[dict[str, Any] | None] = [None] * len(rows)
+    def _batch(self, asked: Sequence[tuple[Any, Any]], places: Mapping[str, Any]) -> dict[str, Any]:
+        """What stands at the places of a batch once its episodes are edited: drawn on a device, where that serves."""
+        made, on_host = dict(places), list(range(len(asked)))
         if self.device is not None:
-            made = self.device(
-                [self._row(*one) for one in zip(asked, rows, strict=True)], self.cameras
-            )
-        return [
-            self._edited(*one, row) if own is None else own
-            for one, row, own in zip(asked, rows, made, strict=True)
-        ]
+            rows = [self._row(*one) for one in asked]
+            at = self.device.rows(rows, self.cameras, places)
+            on_host = [n for n in on_host if n not in set(at)]
+            drawn = [row for n in at if (row := rows[n])]
+            if at:
+                shown = self.device(drawn, at, self.cameras, places)
+                made |= {name: _with(places[name], at, images) for name, images in shown.items()}
+        for n in on_host:
+            own = {place: value[n] for place, value in places.items()}
+            for place, value in self._edited(*asked[n], own).items():
+                if value is not own[place]:
+                    if made[place] is places[place]:
+                        made[place] = _with(places[place], [], None)
+                    made[place][n] = value
+        return made
 
-    def _row(self, asked: tuple[Any, Any], places: Mapping[str, Any]) -> "Row | None":
+    def _row(self, named: Any, asked: Any) -> "Row | None":
         from rpaug.training.on_device import Row  # only here: it is asked for with a device
 
-        drawn = self._drawn(self._key(asked[0]))
-        if drawn is None:
-            return None
-        return Row(drawn, self._frames(drawn.episode, asked[1]), places)
+        drawn = self._drawn(self._key(named))
+        return None if drawn is None else Row(drawn, self._frames(drawn.episode, asked))
 
     def _drawn(self, key: str) -> Drawn | None:
         """The copy of an episode; None where the recipe does not select it, or nothing is edited."""
@@ -227,7 +227,7 @@ def wrap(
         Path(scenes) if scenes else None,
     )
     drawer = _drawer(device)
-    draws = Draws(held, schedule or Schedule(), drawer.light if drawer else None)
+    draws = Draws(held, schedule or Schedule(), drawer.cameras if drawer else None)
     wrapper = Wrapper(draws, episode, frame, cameras, drawer)
     if hasattr(dataset, "__getitem__") and hasattr(dataset, "__len__"):
         return WrappedDataset(dataset, wrapper)
@@ -295,9 +295,14 @@ def _matrices(
     return made.astype(value.dtype)
 
 
-def _stacked(values: list[Any]) -> Any:
-    first = values[0]
-    return torch.stack(values) if isinstance(first, torch.Tensor) else np.stack(values)
+def _with(values: Any, at: Sequence[int], rows: Any) -> Any:
+    """A batch's values with some rows replaced; a copy."""
+    if len(at) == len(values):
+        return rows
+    made = values.clone() if isinstance(values, torch.Tensor) else np.copy(values)
+    if at:
+        made[list(at)] = rows
+    return made
 
 
 def _get(sample: Mapping[str, Any], place: str) -> Any:

@@ -99,12 +99,23 @@ def test_what_cannot_be_stacked_is_drawn_by_the_host(
 
 
 def test_recorded_images_are_kept_on_the_device_up_to_a_limit() -> None:
-    whole = edited(scene(EYES), EDITS["painted"])
-    one = batched.Shot(whole, "front", 0)
-    small = batched.Drawing(torch.device("cpu"))
-    small([one])
-    held = small.recorded(one)
-    assert small.recorded(batched.Shot(whole, "front", 0)) is held
-    small = batched.Drawing(torch.device("cpu"), kept_bytes=2 * held.bytes)
-    small([batched.Shot(whole, "front", t) for t in range(5)])
-    assert len(small._held) == 2
+    whole = edited(scene(EYES), EDITS["all"][:3])
+    shots = [batched.Shot(whole, "front", t) for t in range(6)]
+    camera = whole.cameras["front"]
+    size = camera.height, camera.width
+    expected = batched.Drawing(torch.device("cpu"))(shots)
+    small = batched.Drawing(torch.device("cpu"), kept_bytes=3 * batched.BYTES * size[0] * size[1])
+    for chosen in ([0, 1], [4, 5], [1, 2, 3], [5, 0], [0, 1, 2, 3, 4, 5], [3]):
+        found = small([shots[n] for n in chosen])
+        assert torch.equal(found, expected[chosen])
+        assert len(small.kept[size]) <= max(3, len(chosen)) or chosen == [3]
+    decoded = []
+    view = whole.episode.views["front"]
+    counted = replace(view, rgb=lambda t: decoded.append(t) or view.rgb(t))
+    episode = replace(whole.episode, views=whole.episode.views | {"front": counted})
+    again = batched.Drawing(torch.device("cpu"))
+    same = [batched.Shot(replace(whole, episode=episode), "front", t) for t in (0, 1)]
+    again(same)
+    first = len(decoded)
+    again(same)
+    assert len(decoded) == first > 0

@@ -49,7 +49,8 @@ def batches(
     root: Path, folder: Path, edits: list[dict[str, Any]], where: torch.device, **more: Any
 ) -> list[dict[str, Any]]:
     recipe = folder / "r.yaml"
-    recipe.write_text(json.dumps({"version": 1, "seed": 5, "edits": edits, "gates": None}))
+    made = {"version": 1, "seed": more.pop("seed", 5), "edits": edits, "gates": None}
+    recipe.write_text(json.dumps(made))
     found = wrap(
         Batches(root, where), root, recipe,
         episode=lambda sample: [key for key, _ in sample["where"]],
@@ -89,7 +90,7 @@ def test_batches_are_those_of_the_host(
 ) -> None:
     expected = batches(template, tmp_path, edits, ON_CPU)
     found = batches(template, tmp_path, edits, device, device=f"torch-{device}")
-    assert len(torch_draws[0].drawing._held) == len(FRAMES)
+    assert sum(map(len, torch_draws[0].drawing.kept.values())) == len(FRAMES)
     plain = list(Batches(template, ON_CPU))
     for one, other, before in zip(found, expected, plain, strict=True):
         image, like = one["front_rgb"], other["front_rgb"]
@@ -107,9 +108,22 @@ def test_moved_cameras_are_drawn_on_the_host(
 ) -> None:
     expected = batches(template, tmp_path, [MOVE], ON_CPU)
     found = batches(template, tmp_path, [MOVE], ON_CPU, device="torch-cpu")
-    assert not torch_draws[0].drawing._held
+    assert not torch_draws[0].drawing.kept
     for one, other in zip(found, expected, strict=True):
         assert torch.equal(one["front_rgb"], other["front_rgb"])
+        assert torch.equal(one["front_depth"], other["front_depth"])
+
+
+def test_a_batch_may_hold_rows_of_either(
+    template: Path, tmp_path: Path, torch_draws: list[OnDevice]
+) -> None:
+    edits = [PAINT, MOVE | {"probability": 0.5}]
+    expected = batches(template, tmp_path, edits, ON_CPU, seed=6)
+    found = batches(template, tmp_path, edits, ON_CPU, seed=6, device="torch-cpu")
+    drawn = sum(map(len, torch_draws[0].drawing.kept.values()))
+    assert 0 < drawn < len(FRAMES)
+    for one, other in zip(found, expected, strict=True):
+        assert float((one["front_rgb"] - other["front_rgb"]).abs().max()) <= 1.01 / 127.5
         assert torch.equal(one["front_depth"], other["front_depth"])
 
 
