@@ -113,7 +113,7 @@ OnDevice = Annotated[
     DeviceChoice,
     typer.Option(
         "--device",
-        help="What fits Gaussians: auto takes a CUDA GPU where there is one, and says why if not.",
+        help="What fits Gaussians and edits appearance: auto takes a CUDA GPU where there is one, and says why if not.",
     ),
 ]
 AsJson = Annotated[

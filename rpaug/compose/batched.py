@@ -29,6 +29,7 @@ from rpaug.scene.recorded.surface import Light, Shine
 KEPT_BYTES = 2 * 2**30  # of recorded images on the CPU;
 KEPT_SHARE = 1 / 8  # of a GPU's memory
 AT_ONCE = 1 << 22  # pixels of one camera drawn together
+KEPT_FRAMES = 16  # of those of single runs
 Made = TypeVar("Made")
 
 
@@ -299,23 +300,28 @@ def drawing(device: str) -> Drawing:
 
 
 class Ahead(Generic[Made]):
-    """Frames of one camera, drawn several at once as they are asked for one after the other."""
+    """Frames of one camera, drawn several at once; the runs of the latest are kept, since threads ask by turns."""
 
     def __init__(
         self, draw: Callable[[Sequence[int]], Iterable[Made]], length: int, pixels: int
     ) -> None:
         self._draw, self._length = draw, length
         self._count = max(1, AT_ONCE // pixels)
-        self._held: dict[int, Made] = {}
+        self._held: OrderedDict[int, list[Made]] = OrderedDict()
         self._lock = Lock()
 
     def __call__(self, t: int) -> Made:
         """The frame at one time."""
+        run, place = divmod(t, self._count)
         with self._lock:
-            if t not in self._held:
-                times = range(t, min(t + self._count, self._length))
-                self._held = dict(zip(times, self._draw(times), strict=True))
-            return self._held[t]
+            if run not in self._held:
+                start = run * self._count
+                times = range(start, min(start + self._count, self._length))
+                self._held[run] = list(self._draw(times))
+            self._held.move_to_end(run)
+            while len(self._held) > 1 and len(self._held) * self._count > KEPT_FRAMES:
+                self._held.popitem(last=False)
+            return self._held[run][place]
 
 
 def ahead(scene: Scene, name: str, device: str) -> Ahead[UInt8[np.ndarray, "h w 3"]]:
