@@ -1,7 +1,7 @@
 """The Gaussians a fit starts from: every surface that was ever recorded, once."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +14,7 @@ from rpaug.core.sampling import frames
 from rpaug.core.types import Body, CameraView, Gaussians, Scene
 from rpaug.gaussians.gaussians import SPREAD, LiftedImage, chosen, joined, lifted, moved
 from rpaug.scene.recorded import surfels
+from rpaug.scene.recorded.plates import Plate
 
 SAME_DEPTH = 0.01  # of depth, beside 1 cm: a point that another picture shows too, or what is part of a surface
 BODY_FRAMES = 20  # frames that moving bodies are gathered from
@@ -27,23 +28,27 @@ LARGE = 640 * 480  # pixels: larger images are lifted at so many at most
 def seeds(scene: Scene) -> Gaussians:
     """Static surfaces from the fixed cameras' plates and, where those saw nothing, from moving cameras; each
     moving body gathered over time in its own frame."""
-    kept = surfels.build(scene)
-    static = joined(_static(scene, kept))
-    moving = [body for body in scene.bodies if not body.instance_ids <= kept.static]
+    still, plates, _ = surfels.plates_of(scene)
+    static = joined(_static(scene, still, plates.values()))
+    moving = [body for body in scene.bodies if not body.instance_ids <= still]
     return joined([static, *_bodies(scene, moving)])
 
 
-def _static(scene: Scene, kept: surfels.Surfels) -> Iterator[Gaussians]:
-    plates = []
-    for name, plate in kept.plates.items():
-        camera = scene.episode.views[name].camera
-        pose = camera.cam_to_world[0]
-        plates.append(LiftedImage(plate.rgb, plate.depth, plate.ids, camera.K, pose, plate.known))
+def _static(scene: Scene, still: frozenset[int], recorded: Iterable[Plate]) -> Iterator[Gaussians]:
+    fixed = [view.camera for view in scene.episode.views.values() if view.camera.fixed]
+    plates = [
+        LiftedImage(
+            plate.rgb, plate.depth, plate.ids, camera.K, camera.cam_to_world[0], plate.known
+        )
+        for camera, plate in zip(
+            fixed, recorded, strict=False
+        )  # without anything still there are none
+    ]
     yield from finest(plates)
     done = plates
 
     def of(view: CameraView, t: int) -> tuple[LiftedImage, Gaussians] | None:
-        past = picture_of(view, t, kept.static)
+        past = picture_of(view, t, still)
         return None if past is None else (past, _sparse(past))
 
     moving = [view for view in scene.episode.views.values() if not view.camera.fixed]

@@ -135,6 +135,6 @@ def _agrees(
 
 
 def _plates(scene: Scene) -> Iterator[tuple[Plate, Camera]]:
-    for name, plate in surfels.build(scene).plates.items():
+    for name, plate in surfels.plates_of(scene)[1].items():
         view: CameraView = scene.episode.views[name]
         yield plate, view.camera

@@ -3,6 +3,7 @@
 import threading
 import weakref
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -203,13 +204,27 @@ class TorchRasteriser:
         slopes: dict[str, Any] = {
             name: None if leaf is None else _gradient(leaf) for name, leaf in self._leaves.items()
         }
-        motion = _motion(self._leaves["means"], slopes["means"], self._view)
-        arrays = {name: None if slope is None else _array(slope) for name, slope in slopes.items()}
-        return Gradients(**arrays, image_motion=_array(motion))  # type: ignore[arg-type]
+        slopes["image_motion"] = _motion(self._leaves["means"], slopes["means"], self._view)
+        there = {name: slope for name, slope in slopes.items() if slope is not None}
+        arrays = dict(zip(there, _arrays(list(there.values())), strict=True))
+        return Gradients(**{name: arrays.get(name) for name in slopes})  # type: ignore[arg-type]
 
 
 def _array(tensor: Tensor) -> np.ndarray:
     return tensor.detach().float().cpu().numpy()
+
+
+def _arrays(tensors: Sequence[Tensor]) -> list[np.ndarray]:
+    """Several tensors on the host, brought there at once: through pinned memory, where a GPU can write."""
+    flat = torch.cat([tensor.detach().float().reshape(-1) for tensor in tensors])
+    if flat.is_cuda:
+        pinned = torch.empty(flat.shape, dtype=flat.dtype, pin_memory=True)
+        flat = pinned.copy_(flat)
+    ends = np.cumsum([tensor.numel() for tensor in tensors])[:-1]
+    return [
+        part.reshape(tensor.shape)
+        for part, tensor in zip(np.split(flat.numpy(), ends), tensors, strict=True)
+    ]
 
 
 def _gradient(leaf: Tensor) -> Tensor:

@@ -88,6 +88,23 @@ def recorded(scene: Scene) -> Surfels:
     Edits do not change it: all copies of an episode share it. Keeps a few images in memory. Raises SourceLacks if a
     source has no depth.
     """
+    static, plates, noise = plates_of(scene)
+    views, length = scene.episode.views, scene.episode.length
+    near, mixed = tolerance(noise), scene.antialiased
+    fixed = {name: view for name, view in views.items() if static and view.camera.fixed}
+    moving = {name: view for name, view in views.items() if static and not view.camera.fixed}
+    history = {
+        name: tuple(_history(view, length, static, noise, near, mixed))
+        for name, view in moving.items()
+    }
+    moved = parts.recorded(scene, noise, near, _rim(scene))
+    ends = edges.straight([edges.farthest(view, length) for view in fixed.values()], static)
+    return Surfels(static, plates, history, moved, noise, shape=robot.recorded(scene), edges=ends)
+
+
+def plates_of(scene: Scene) -> tuple[frozenset[int], dict[str, Plate], float]:
+    """Instance ids of what rests, the plates of the fixed cameras, and the depth's noise. Raises SourceLacks if a
+    source has no depth."""
     static = frozenset().union(
         *(body.instance_ids for body in scene.tracked if body.motion == "static")
     )
@@ -100,15 +117,8 @@ def recorded(scene: Scene) -> Surfels:
     noise = _noise(scene)
     near, mixed = tolerance(noise), scene.antialiased
     fixed = {name: view for name, view in views.items() if static and view.camera.fixed}
-    moving = {name: view for name, view in views.items() if static and not view.camera.fixed}
-    plates = {name: plate(view, length, static, noise, near, mixed) for name, view in fixed.items()}
-    history = {
-        name: tuple(_history(view, length, static, noise, near, mixed))
-        for name, view in moving.items()
-    }
-    moved = parts.recorded(scene, noise, near, _rim(scene))
-    ends = edges.straight([edges.farthest(view, length) for view in fixed.values()], static)
-    return Surfels(static, plates, history, moved, noise, shape=robot.recorded(scene), edges=ends)
+    found = {name: plate(view, length, static, noise, near, mixed) for name, view in fixed.items()}
+    return static, found, noise
 
 
 def _patches(surfels: Surfels, scene: Scene) -> tuple[Source, ...]:
