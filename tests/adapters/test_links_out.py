@@ -20,6 +20,7 @@ from rpaug.cli import app
 from rpaug.core import files, registry
 from rpaug.pipeline import recipe
 from rpaug.pipeline.card import licence_of
+from rpaug.pipeline.convert import convert
 from rpaug.scene.targets import settled
 
 GROUP = "roll_ball/all_variations/episodes"
@@ -131,6 +132,27 @@ def test_a_link_out_is_refused_unless_links_are_followed(
         read_all(root)
     monkeypatch.setenv(files.FOLLOW, "1")
     assert read_all(root) == before
+
+
+@pytest.mark.parametrize("pattern", ["data/**/*1.parquet", "videos/**/*1.mp4"])
+def test_an_older_lerobot_dataset_lacks_the_one_episode_alone(pattern: str, tmp_path: Path) -> None:
+    convert(made("lerobot", tmp_path / "in"), tmp_path / "old", "lerobot@v2.1")
+    lead_out(min((tmp_path / "old/toy").glob(pattern)), tmp_path / "outside")
+    adapter = registry.adapter("lerobot")
+    first, second, *_ = adapter.episodes(tmp_path / "old")
+    assert adapter.read(tmp_path / "old", first).length > 0
+    with pytest.raises(BadInput, match="link: found a link to"):
+        adapter.read(tmp_path / "old", second)
+
+
+def test_a_single_video_may_be_a_link_and_what_lies_beside_it_may_not(tmp_path: Path) -> None:
+    root = made("video", tmp_path / "in")
+    lead_out(root / "one.mp4", tmp_path / "outside")
+    assert read_all(root / "one.mp4") == [6]
+    (root / "cameras.yaml").write_text("version: 1\n")
+    lead_out(root / "cameras.yaml", tmp_path / "outside")
+    with pytest.raises(BadInput, match=r"cameras\.yaml: link: found a link to"):
+        read_all(root / "one.mp4")
 
 
 @pytest.mark.parametrize("kind", MADE)
