@@ -23,7 +23,7 @@ from rpaug_adapters.droid.read import (
     stored,
 )
 from rpaug_adapters.droid.write import renamed, write_episode
-from rpaug_adapters.shared.folders import refuse, walk, write_files
+from rpaug_adapters.shared.folders import refuse, see_no_link_out, walk, write_files
 from rpaug_adapters.shared.hdf5 import opened
 from rpaug_adapters.shared.texts import json_bytes
 
@@ -49,7 +49,9 @@ class DROID(Adapter):
         return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
-        return read_episode(root if _is_episode(root) else root / key, key)
+        folder = root if _is_episode(root) else root / key
+        see_no_link_out(root, folder)
+        return read_episode(root, folder, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         if not isinstance(episode.source, DroidSource):
@@ -106,7 +108,12 @@ class DROID(Adapter):
         if not made:
             return
         given = next(
-            (found for key in self.episodes(source) if (found := annotations(source / key))), None
+            (
+                found
+                for key in self.episodes(source)
+                if (found := annotations(source, source / key))
+            ),
+            None,
         )
         name = ANNOTATIONS.replace("*", "") if given is None else given.name
         before = names_and_values(target / name) if (target / name).is_file() else {}

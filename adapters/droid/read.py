@@ -102,10 +102,10 @@ class DroidSource:
     placed: frozenset[str]
 
 
-def read_episode(folder: Path, key: str) -> Episode:
+def read_episode(root: Path, folder: Path, key: str) -> Episode:
     """The episode of a folder. Raises BadInput."""
     path = folder / TRAJECTORY
-    beside = cameras.load((folder, *folder.parents[:ABOVE]))
+    beside = cameras.load(root, (folder, *folder.parents[:ABOVE]))
     held = numbers(path)
     steps = len(held["action/joint_position"]) if "action/joint_position" in held else 0
     if not steps:
@@ -134,7 +134,7 @@ def read_episode(folder: Path, key: str) -> Episode:
 
     metadata = next(iter(sorted(folder.glob("metadata_*.json"))), None)
     about = {} if metadata is None else names_and_values(metadata)
-    words, annotated = _words(folder, metadata, _task(path))
+    words, annotated = _words(root, folder, metadata, _task(path))
     sizes = {name: eye.size for name, eye in eyes.items()}
     made = episodes.episode(
         key, beside, sizes, tracks, length, words, view,
@@ -329,12 +329,14 @@ def names_and_values(path: Path) -> dict[str, Any]:
     return given
 
 
-def _words(folder: Path, metadata: Path | None, task: str) -> tuple[tuple[str, ...], bool]:
+def _words(
+    root: Path, folder: Path, metadata: Path | None, task: str
+) -> tuple[tuple[str, ...], bool]:
     """The instructions: the annotations of the episode, else its task; and whether they are annotations."""
     if (folder / LANGUAGE).is_file():
         found = names_and_values(folder / LANGUAGE)
     else:
-        listed = annotations(folder)
+        listed = annotations(root, folder)
         uuid = None if metadata is None else metadata.stem.removeprefix("metadata_")
         found = {} if listed is None else _listed(listed, *stamp(listed)).get(uuid, {})
     found = found if isinstance(found, dict) else {}
@@ -348,10 +350,12 @@ def _words(folder: Path, metadata: Path | None, task: str) -> tuple[tuple[str, .
     return ((task,) if task else ()), False
 
 
-def annotations(folder: Path) -> Path | None:
-    """The list of annotations above an episode."""
+def annotations(root: Path, folder: Path) -> Path | None:
+    """The list of annotations above an episode, and maybe above the dataset's root. Raises BadInput."""
     for above in folder.parents[:ABOVE]:
         if found := sorted(above.glob(ANNOTATIONS)):
+            if above.is_relative_to(root):
+                files.see_inside(root, found[0])
             return found[0]
     return None
 

@@ -26,7 +26,7 @@ from rpaug_adapters.droid.read import (
     depth_file,
 )
 from rpaug_adapters.shared import cameras
-from rpaug_adapters.shared.folders import see_no_link_out, see_no_pickle, walk
+from rpaug_adapters.shared.folders import see_no_pickle, walk
 from rpaug_adapters.shared.texts import json_bytes
 from rpaug_adapters.video import encode
 from rpaug_adapters.video.stream import Video
@@ -56,12 +56,8 @@ def write_episode(
     videos = {video.path: video for name in edited for video, _ in source.eyes[name].shown}
     raw = {f"{source.eyes[name].serial}.svo" for name in edited}
     left = {*videos, source.metadata, *(source.folder / name for name in OWN)}
-    home = source.folder.resolve()
-    for here, subfolders, names in walk(source.folder):
-        for name in subfolders:
-            see_no_link_out(here / name, home)
+    for here, _, names in walk(source.folder):
         for path in (here / name for name in names if name not in raw):
-            see_no_link_out(path, home)
             if path not in left:
                 see_no_pickle(path)
                 target = work / path.relative_to(source.folder)

@@ -76,6 +76,7 @@ def keys(root: Path) -> list[str]:
                 continue
             stem = path.relative_to(root).as_posix().removesuffix(path.suffix)
             try:
+                files.see_inside(root, path)
                 held = {f"{stem}/{place.name}": path for place in contents(path)}
             except BadInput:
                 spoilt.add(stem)
@@ -94,14 +95,21 @@ def find(root: Path, key: str) -> Place:
     folder, name = (root / key).parent, PurePosixPath(key).name
     for ending in ENDINGS:
         if (path := root / key / (STAGED + ending)).is_file():
+            _see_inside(root, path)
             (place,) = contents(path)[:1] or [Place(path, name)]
             return place
         for path in (folder.with_name(folder.name + ending), root / (key + ending)):
             if path.is_file():
+                _see_inside(root, path)
                 held = [place for place in contents(path) if place.name == name]
                 if held:
                     return held[0]
     raise BadInput(root / key, "file", found="no such demonstration", expected="one in a file")
+
+
+def _see_inside(root: Path, path: Path) -> None:
+    """Of a file and of ManiSkill's JSON beside it. Raises BadInput."""
+    files.see_inside(root, path, path.with_suffix(".json"))
 
 
 def taken(root: Path, key: str) -> bool:

@@ -37,7 +37,7 @@ class SimSource:
 def read_episode(root: Path, key: str) -> Episode:
     """The demonstration of a key. Raises BadInput."""
     place, own = places.find(root, key), root / key
-    beside = cameras.load((own, own.parent, own.parent.parent))
+    beside = cameras.load(root, (own, own.parent, own.parent.parent))
     with opened(place.path, place.within) as file:
         demo = layouts.demo(place, file)
         stored = {

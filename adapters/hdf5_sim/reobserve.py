@@ -102,8 +102,10 @@ def reobserve(
         path
         for folder, _, names in walk(root)
         for path in (folder / name for name in names)
-        if path.suffix in places.ENDINGS and places.contents(path)
+        if path.suffix in places.ENDINGS
     ]
+    files.see_inside(root, *paths)
+    paths = [path for path in paths if places.contents(path)]
     every = [place for path in paths for place in places.contents(path)]
     failures: dict[str, str] = {}
     settled = Settled()

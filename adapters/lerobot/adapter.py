@@ -49,6 +49,7 @@ class LeRobot(GatheredAdapter):
     mark: ClassVar[str] = INFO
     rest: ClassVar[tuple[str, ...]] = ("meta/tasks.*", "meta/stats.json", "meta/episodes*")
     staged: ClassVar[str] = STAGED
+    common: ClassVar[tuple[str, ...]] = ("meta/**/*", cameras.NAME)
 
     def __init__(self, version: str = "") -> None:
         self.version = version  # to write, or that of the source

@@ -14,6 +14,7 @@ from rpaug_adapters.lerobot.codes import Scale
 from rpaug_adapters.lerobot.tables import COUNTED, INFO, LINKED, ROW, STAGED, Info
 from rpaug_adapters.shared import cameras, episodes, video
 from rpaug_adapters.shared.cameras import Beside
+from rpaug_adapters.shared.folders import see_no_link_out
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
 from rpaug_adapters.shared.texts import read_json
 from rpaug_adapters.shared.video import Frames, Span
@@ -60,11 +61,13 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     """Episode `number` of a split, images lazy. Raises BadInput."""
     about = tables.info(folder)
     own = folder / split / str(number)
+    if own.is_dir():
+        see_no_link_out(folder, own)
     at = None if (own / STAGED).is_file() else _place(about, split, number)
     rows, tasks, row, spans = _staged(about, own) if at is None else _gathered(about, at)
     length = rows.num_rows
     where = f"{folder}: {split}/{number}"
-    beside = cameras.load((own, folder))
+    beside = cameras.load(folder, (own, folder))
     images = _found(about, beside)
     sizes = {name: _size(where, about, rows, spans, image) for name, image in images.items()}
     tracks = _tracks(where, about, rows)

@@ -73,6 +73,7 @@ def _lent(own: Path, schema: Any) -> tuple[Path, int, list[str]] | None:
         path = _dataset(own) / place
         usable = ".." not in path.parts and path.is_relative_to(_dataset(own))
         if usable and isinstance(number, int) and all(isinstance(name, str) for name in names):
+            files.see_inside(_dataset(own), path)
             return path, number, names
     except (ValueError, TypeError):
         pass

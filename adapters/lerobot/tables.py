@@ -93,6 +93,7 @@ class Info:
         if all(isinstance(value, int) and 0 <= value < 2**31 for value in where.values()):
             path = self.folder / filled(str(template)[:200], {**where, **more})
             if ".." not in path.parts and path.is_relative_to(self.folder):
+                files.see_inside(self.folder, path)
                 return path
         found, expected = f"{template!s:.60}, {where}", "a file of the dataset"
         raise BadInput(self.folder / INFO, prefix, found=found, expected=expected)

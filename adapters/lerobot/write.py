@@ -181,9 +181,9 @@ def _videos(
 
 
 def link(path: Path, target: Path) -> bool:
-    """One more name for a file, where the file system has such."""
+    """One more name for a file, not for a link to it, where the file system has such."""
     try:
-        os.link(path, target)
+        os.link(os.path.realpath(path), target)
     except OSError:
         return False
     return True

@@ -45,7 +45,7 @@ class RDT(Adapter):
         return sorted(keys, key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
-        return read_episode(_path(root, key), key)
+        return read_episode(root, _path(root, key), key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         if _path(root, key).exists():

@@ -14,7 +14,7 @@ from rpaug_adapters.shared.hdf5 import dataset, opened
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
 from rpaug_adapters.shared.texts import read_json
 
-from rpaug import BadInput, Camera, CameraView, Episode
+from rpaug import BadInput, Camera, CameraView, Episode, files
 
 IMAGES = "observations/images"
 QPOS = "observations/qpos"
@@ -37,10 +37,11 @@ class RDTSource:
     descriptions: tuple[str, ...]
 
 
-def read_episode(path: Path, key: str) -> Episode:
+def read_episode(root: Path, path: Path, key: str) -> Episode:
     """The episode in a file, images lazy. Raises BadInput."""
     folder = path.parent
-    beside = cameras.load((folder, folder.parent))
+    files.see_inside(root, path, folder / WORDS)
+    beside = cameras.load(root, (folder, folder.parent))
     with opened(path) as file:
         images = _found(path, file, beside)
         tracks = _tracks(path, file, frozenset(images.values()))

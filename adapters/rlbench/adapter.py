@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
+from rpaug_adapters.rlbench.pickles import load
 from rpaug_adapters.rlbench.read import (
     DESCRIPTIONS,
     LOW_DIM,
@@ -25,7 +26,7 @@ from rpaug_adapters.rlbench.read import (
     untouched,
 )
 from rpaug_adapters.rlbench.write import write_episode
-from rpaug_adapters.shared.folders import write_files
+from rpaug_adapters.shared.folders import see_no_link_out, write_files
 
 from rpaug import Adapter, BadInput, Episode, Side, files, splits
 
@@ -47,6 +48,8 @@ class RLBench(Adapter):
         return sorted(_keys(root), key=files.natural)
 
     def read(self, root: Path, key: str) -> Episode:
+        see_no_link_out(root, root / key)
+        _see_beside(root, _beside(key))
         return read_episode(root / key, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
@@ -91,6 +94,7 @@ class RLBench(Adapter):
         """Descriptions that upstream RLBench keeps beside the `episodes` folder."""
         for beside in {_beside(key) for key in _keys(target)}:
             if beside and (source / beside).is_file() and not (target / beside).exists():
+                _see_beside(source, beside)
                 files.write_atomic(target / beside, files.read_bytes(source / beside))
 
 
@@ -127,6 +131,13 @@ def _beside(key: str) -> str | None:
     """Where upstream RLBench keeps an episode's descriptions, if that lies within the dataset's root."""
     parts = PurePosixPath(key).parts
     return PurePosixPath(*parts[:-2], DESCRIPTIONS).as_posix() if len(parts) > 2 else None
+
+
+def _see_beside(root: Path, beside: str | None) -> None:
+    """See that descriptions beside episodes may be read and passed on. Raises BadInput."""
+    if beside and (root / beside).is_file():
+        files.see_inside(root, root / beside)
+        load(root / beside)
 
 
 def _homeless(recorded: RLBenchSource, key: str) -> bool:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 from rpaug_adapters.rlbench.pickles import Demo, Observation, load
-from rpaug_adapters.shared.folders import see_no_link_out
 from rpaug_adapters.shared.held import HeldImages
 
 from rpaug import BadInput, Camera, CameraView, Episode, Robot, files, geometry, kernel
@@ -21,6 +20,7 @@ DEPTH_STEPS = 2**24 - 1
 MOST_TEXTS = 1000  # wordings of one instruction; RLBench has some ten
 MOST_NUMBERS = 4096  # of one field of an observation that is no array
 LOW_DIM = "low_dim_obs.pkl"
+NUMBER = "variation_number.pkl"
 DESCRIPTIONS = "variation_descriptions.pkl"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])  # CoppeliaSim's camera axes <-> OpenCV's; its own inverse
 EXTRAS = ("joint_forces", "gripper_joint_positions", "gripper_touch_forces", "task_low_dim_state")
@@ -42,12 +42,11 @@ class RLBenchSource:
 
 def read_episode(folder: Path, key: str) -> Episode:
     """The episode in a folder, images lazy. Raises BadInput."""
-    _see_no_links_out(folder)
     demo = load(folder / LOW_DIM)
     observations = _observations(folder / LOW_DIM, demo)
     for path in sorted(folder.glob("*.pkl")):
         if path.name != LOW_DIM:
-            load(path)  # passed on as it is, so that what is in it would run in other readers
+            _see_plain(path)
     held = HeldImages()
     codes = {name: held.of(partial(_code, folder, name)) for name in _cameras(folder)}
     views = {name: _view(folder, name, observations, held, code) for name, code in codes.items()}
@@ -62,15 +61,13 @@ def read_episode(folder: Path, key: str) -> Episode:
     )
 
 
-def _see_no_links_out(folder: Path) -> None:
-    """Of pickles and images, which are read before anything is passed on. Raises BadInput."""
-    home = folder.resolve()
-    read = [*folder.glob("*.pkl"), *(one for kind in KINDS for one in folder.glob(f"*_{kind}"))]
-    for path in read:
-        see_no_link_out(path, home)
-        for entry in os.scandir(path) if path.is_dir() else ():
-            if entry.is_symlink():
-                see_no_link_out(Path(entry.path), home)
+def _see_plain(path: Path) -> None:
+    """See that a pickle holds values alone: it is passed on, and what is in it would run in other readers. Raises
+    BadInput, also for a variation that is no number."""
+    value = load(path)
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if path.name == NUMBER and not whole:
+        raise BadInput(path, "variation", found=type(value).__name__, expected="a whole number")
 
 
 def untouched(source: RLBenchSource) -> dict[str, bytes]:

@@ -20,14 +20,14 @@ from rpaug_adapters.rlbench.read import (
     FLIP,
     KINDS,
     LOW_DIM,
+    NUMBER,
     Codes,
     RLBenchSource,
 )
-from rpaug_adapters.shared.folders import see_no_link_out, see_no_pickle, write_files
+from rpaug_adapters.shared.folders import see_no_pickle, write_files
 
 from rpaug import Episode, Unsupported, files, geometry
 
-NUMBER = "variation_number.pkl"
 PICKLES = (".pkl", ".pickle", ".p")
 # Metres: depth range of cameras that were not recorded by CoppeliaSim, where they saw nothing farther.
 NEAR, FAR = 0.01, 10.0
@@ -64,14 +64,11 @@ def write_episode(
 def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None:
     """Everything but the images we write ourselves; a report of an earlier augmentation stays behind.
 
-    Raises BadInput for a link that leads out of the episode, since what lies there is nobody's to pass on, and for a
-    pickle that holds more than values.
+    Raises BadInput for a pickle that holds more than values.
     """
     ours = {f"{name}_{kind}" for name in episode.views for kind in KINDS}
-    home = recorded.folder.resolve()
     for path in _entries(recorded.folder, ours):
         place = path.relative_to(recorded.folder)
-        see_no_link_out(path, home)
         if path.is_dir():
             (work / place).mkdir()
             continue

@@ -41,6 +41,7 @@ class RLDS(GatheredAdapter):
     mark: ClassVar[str] = FEATURES
     rest: ClassVar[tuple[str, ...]] = ("*.tfrecord-*-of-*",)
     staged: ClassVar[str] = shards.STAGED
+    common: ClassVar[tuple[str, ...]] = ("*.json", "*.txt", cameras.NAME)
     version: ClassVar[str] = "1.0.0"
 
     def gathered(self, folder: Path) -> Mapping[str, int] | None:

@@ -13,6 +13,7 @@ from rpaug_adapters.rlds.features import FEATURES, Leaf, leaves
 from rpaug_adapters.rlds.pixels import TensorColors, decoder, most_id
 from rpaug_adapters.shared import cameras, episodes
 from rpaug_adapters.shared.cameras import Beside
+from rpaug_adapters.shared.folders import see_no_link_out
 from rpaug_adapters.shared.images import image_size, lazy_colors, lazy_depth
 
 from rpaug import BadInput, Camera, CameraView, Episode
@@ -60,9 +61,11 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     known = leaves(folder)
     if known is None:
         raise BadInput(folder / FEATURES, "steps", found="none", expected="an RLDS dataset")
+    own = folder / split / str(number)
+    if own.is_dir():
+        see_no_link_out(folder, own)
     example = Example(*shards.record(folder, split, number))
-    own = folder.joinpath(split, str(number))
-    beside = cameras.load((own, folder))
+    beside = cameras.load(folder, (own, folder))
     images = _found(folder, example, known, beside)
     length = _length(example, known)
     colors = {name: _colors(example, leaf, length) for name, leaf in images.items()}

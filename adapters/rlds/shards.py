@@ -49,6 +49,7 @@ class Split:
         """The file of a record and its place there. Raises BadInput where file and `dataset_info.json` differ."""
         for path, length in zip(self.paths, self.lengths, strict=True):
             if number < length:
+                files.see_inside(path.parent, path)
                 held = len(tfrecord.places(path))
                 if held != length:
                     raise BadInput(

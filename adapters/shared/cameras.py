@@ -108,10 +108,13 @@ class Beside(StrictModel):
 _NOTHING = Beside()
 
 
-def load(folders: tuple[Path, ...]) -> Beside:
-    """The first `cameras.yaml` there is, or an empty one. Raises BadInput."""
+def load(root: Path, folders: tuple[Path, ...]) -> Beside:
+    """The first `cameras.yaml` there is, or an empty one; some layouts look above the dataset's root too. Raises
+    BadInput."""
     for path in (folder / NAME for folder in folders):
         if any(at := stamp(path)):
+            if path.is_relative_to(root):
+                files.see_inside(root, path)
             return _parsed(path, *at)
     return _NOTHING
 

@@ -22,7 +22,7 @@ PLACES = ("all_variations", "episodes")  # of other layouts, and no names of tas
 
 class GatheredAdapter(Adapter):
     """An adapter of such datasets. `mark` is the file that makes a folder a dataset, `rest` patterns of what else lies
-    in one, `staged` an episode's own file.
+    in one, `staged` an episode's own file, `common` patterns of what all episodes have in common.
 
     New datasets have the folder `version` between their name and their splits, if there is one.
     """
@@ -31,6 +31,7 @@ class GatheredAdapter(Adapter):
     mark: ClassVar[str]
     rest: ClassVar[tuple[str, ...]]
     staged: ClassVar[str]
+    common: ClassVar[tuple[str, ...]]
     version: ClassVar[str] = ""
 
     @abstractmethod
@@ -40,6 +41,7 @@ class GatheredAdapter(Adapter):
     def episodes(self, root: Path) -> Sequence[str]:
         keys = []
         for folder in datasets(root, self.mark):
+            files.see_inside(folder, folder / self.mark, *_links(folder, self.common))
             given = self.gathered(folder)
             if given is None:
                 continue
@@ -170,12 +172,33 @@ def _leaves(
             yield (*at, name), value
 
 
-def see_no_link_out(path: Path, home: Path) -> None:
-    """Raises BadInput for a link to a folder, or one that leads out of an episode's resolved folder `home`: what lies
-    there is nobody's to pass on."""
-    if path.is_symlink() and (path.is_dir() or not path.resolve().is_relative_to(home)):
-        found = f"a link to {path.resolve()}"
-        raise BadInput(path, "link", found=found, expected="a file of the episode")
+def see_no_link_out(root: Path, folder: Path) -> None:
+    """See that an episode's folder lies in its dataset, and that no link in it leads out of the folder, or to a folder:
+    what lies there is nobody's to pass on. Raises BadInput."""
+    files.see_inside(root, folder)
+    _see_none_within(folder, folder)
+
+
+def _see_none_within(home: Path, folder: Path) -> None:
+    try:
+        entries = list(os.scandir(folder))
+    except OSError as error:
+        expected = "a readable folder"
+        raise BadInput(folder, "folder", found=error.strerror, expected=expected) from None
+    for entry in entries:
+        if entry.is_symlink():
+            files.see_inside(home, path := Path(entry.path))
+            if path.is_dir():
+                expected = "the folder itself, or links to files"
+                raise BadInput(path, "link", found=f"a link to {path.resolve()}", expected=expected)
+        elif entry.is_dir():
+            _see_none_within(home, Path(entry.path))
+
+
+def _links(folder: Path, patterns: Iterable[str]) -> Iterator[Path]:
+    """The links among what patterns name in a folder."""
+    for pattern in patterns:
+        yield from (path for path in folder.glob(pattern) if path.is_symlink())
 
 
 def see_no_pickle(path: Path) -> None:

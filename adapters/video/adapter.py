@@ -60,6 +60,7 @@ class Videos(Adapter):
             if any((here / name).exists() for name in FOREIGN):
                 subfolders.clear()
                 continue
+            files.see_inside(root, here / cuts.NAME)
             parts = cuts.load(here, names)
             for name in sorted(names):
                 path = here / name
@@ -73,6 +74,7 @@ class Videos(Adapter):
 
     def read(self, root: Path, key: str) -> Episode:
         path, cut = _place(root, key)
+        files.see_inside(root, path)
         whole = Video(path)
         notes = _notes(root, path)
         video = whole if cut is None else cuts.part(whole, notes, *cut)
@@ -83,7 +85,7 @@ class Videos(Adapter):
             start = float(times[video.first])
             notes = notes.cut(start, stop, video.first, video.first + video.length)
         folders = (root / key, path.parent)
-        beside = cameras.load(folders)
+        beside = cameras.load(_top(root), folders)
         width, height = video.size
         camera = cameras.camera(beside, VIEW, (width, height), video.length, {})
         boxes = {t: of for t, of in notes.boxes.items() if 0 <= t < video.length}
@@ -140,7 +142,7 @@ class Videos(Adapter):
                 for key in keys
                 if (stated := target / key / ANNOTATIONS).is_file()
             ]
-            like = ego4d.library(source / home.relative_to(target))
+            like = ego4d.library(source, source / home.relative_to(target))
             for name, held in ego4d.merged(given, like).items():
                 files.write_atomic(home / name, json_bytes(held))
 
@@ -174,13 +176,20 @@ def _place(root: Path, key: str) -> tuple[Path, tuple[Path, int] | None]:
     raise BadInput(root / key, "video", found="none", expected="a video file")
 
 
+def _top(root: Path) -> Path:
+    """The folder of a dataset, also of a single video."""
+    return root.parent if root.is_file() else root
+
+
 def _notes(root: Path, path: Path) -> Notes:
-    """What is said of a video: in its own file, as rpaug writes it, or in Ego4D's."""
+    """What is said of a video: in its own file, as rpaug writes it, or in Ego4D's. Raises BadInput."""
+    top = _top(root)
     for stated in (path.parent / ANNOTATIONS, path.with_suffix("") / ANNOTATIONS):
         if stated.is_file():
+            files.see_inside(top, stated)
             return ego4d.own(stated)
-    top = root.parent if root.is_file() else root
-    return replace(ego4d.library(ego4d.home_of(top, path)).of(path.stem), file=path.name)
+    library = ego4d.library(top, ego4d.home_of(top, path))
+    return replace(library.of(path.stem), file=path.name)
 
 
 def _is_measured(view: CameraView, recorded: VideoSource) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 from rpaug_adapters.shared.texts import read_json
 from rpaug_adapters.video.stream import Video
 
-from rpaug import BadInput
+from rpaug import BadInput, files
 
 INDEX = "ego4d.json"
 FOLDER = "annotations"
@@ -260,12 +260,15 @@ def _span(clip: Mapping[str, Any], unit: str) -> tuple[float, float]:
     return float(start or 0), float("inf") if stop is None else float(stop)
 
 
-def library(home: Path) -> Library:
-    """What an Ego4D folder (the one with `full_scale` or `clips`, or the one above) says. Raises BadInput."""
+def library(root: Path, home: Path) -> Library:
+    """What an Ego4D folder (the one with `full_scale` or `clips`, or the one above) says, which may be above the
+    dataset's root. Raises BadInput."""
+    given = (home / INDEX, home.parent / INDEX, *(home / FOLDER).glob("*.json"))
+    files.see_inside(root, *(path for path in given if path.is_relative_to(root)))
     index = _json(home / INDEX) if (home / INDEX).is_file() else _json(home.parent / INDEX)
     held = home / FOLDER
     narrations: dict[str, Any] = {}
-    files: dict[str, Path] = {}
+    sources: dict[str, Path] = {}
     first, around = NARRATIONS[0], None
     for name in NARRATIONS:
         whole = _json(held / name)
@@ -279,19 +282,19 @@ def library(home: Path) -> Library:
             raise BadInput(held / name, "videos", found="something else", expected="an object")
         here = {k: v for k, v in given.items() if isinstance(v, Mapping)}
         narrations |= here
-        files |= dict.fromkeys(here, held / name)
+        sources |= dict.fromkeys(here, held / name)
     hands = {}
     for path in sorted(held.glob(HANDS)) if held.is_dir() else ():
         for clip in _listed(path, _json(path), "clips"):
             hands[str(clip.get("clip_uid"))] = clip
-            files[str(clip.get("clip_uid"))] = path
+            sources[str(clip.get("clip_uid"))] = path
     where = home / INDEX
     return Library(
         {str(v.get("video_uid")): v for v in _listed(where, index, "videos")},
         {str(c.get("clip_uid")): c for c in _listed(where, index, "clips")},
         narrations,
         hands,
-        files,
+        sources,
         first,
         around,
     )

@@ -1,9 +1,9 @@
 """Files that are either whole or absent, and images that are checked before they are decoded.
 
-`rpaug.files` to whoever writes an adapter, who may rely on the names in `__all__`: `read_bytes` and `write_atomic` for
-whole files, `atomic_folder` for an episode that appears by one rename, `natural` for the order of keys, `check_*` for
-the size of an image before anything is allocated for it, `decode_*` and `encode_*` for its pixels. What cannot be read
-raises `BadInput`.
+`rpaug.files` to whoever writes an adapter, who may rely on the names in `__all__`: `see_inside` for paths of a dataset
+before they are read, `read_bytes` and `write_atomic` for whole files, `atomic_folder` for an episode that appears by
+one rename, `natural` for the order of keys, `check_*` for the size of an image before anything is allocated for it,
+`decode_*` and `encode_*` for its pixels. What cannot be read raises `BadInput`.
 """
 
 import errno
@@ -45,9 +45,12 @@ __all__ = [
     "flush",
     "natural",
     "read_bytes",
+    "see_inside",
     "write_atomic",
 ]
 
+FOLLOW = "RPAUG_FOLLOW_LINKS"  # environment variable: 1 follows links out of a dataset
+REPOSITORIES = ("datasets--", "models--", "spaces--")  # how folders of Hugging Face's cache begin
 REJECTED = "rejected"  # folder beside the episodes: copies that failed their gates
 UNSYNCED = {
     errno.EINVAL,
@@ -143,6 +146,34 @@ def apart(target: Path, source: Path) -> None:
     if target.resolve().is_relative_to(source.resolve()):
         expected = "a path outside it: what lies in it is read as part of it"
         raise BadInput(target, "--out", found="a path inside the dataset", expected=expected)
+
+
+def see_inside(root: Path, *paths: Path) -> None:
+    """See that no link takes paths of a dataset out of it, unless the user follows such links. Raises BadInput."""
+    for path in paths:
+        if (real := leads_out(root, path)) is not None:
+            expected = f"a file within {root} ({FOLLOW}=1 follows links)"
+            raise BadInput(path, "link", found=f"a link to {real}", expected=expected)
+
+
+def leads_out(root: Path, path: Path) -> str | None:
+    """Where a path of a dataset leads if links take it out of it; None if it stays, or if the user follows such links.
+
+    The dataset's root may be a link itself. Where that lies in a snapshot in Hugging Face's cache, whose files are
+    links, the files of the same repository are inside.
+    """
+    if os.environ.get(FOLLOW) == "1":
+        return None
+    real, home = os.path.realpath(path), Path(os.path.realpath(root))
+    inside = any(Path(real).is_relative_to(one) for one in (home, *_blobs(home)))
+    return None if inside else real
+
+
+def _blobs(home: Path) -> Iterator[Path]:
+    """`<repository>/blobs` of a folder at or below `<repository>/snapshots/<revision>`."""
+    for snapshots in (above.parent for above in (home, *home.parents)):
+        if snapshots.name == "snapshots" and snapshots.parent.name.startswith(REPOSITORIES):
+            yield snapshots.parent / "blobs"
 
 
 @contextmanager

@@ -10,12 +10,14 @@ from typing import Any
 import yaml
 
 from rpaug.core import splits
+from rpaug.core.files import leads_out
 from rpaug.core.version import __version__
 from rpaug.core.visible import markdown
 
 NAME = "README.md"
 LICENCE = re.compile(r"(licen[sc]e|copying)([._-].*)?", re.IGNORECASE)  # names of their files
 UNSTATED = "unknown: the source states none"
+UNREAD = "not read: {} of the source is a link out of it"
 LONGEST = 200  # characters of a licence's first line
 Lines = tuple[str, ...]
 
@@ -123,17 +125,20 @@ def licence_of(source: Path, homes: Iterable[str]) -> str:
     first line of each licence file."""
     above = {parent for home in homes for parent in (Path(home), *Path(home).parents)}
     for folder in (source, *(source / one for one in sorted(above))):
-        card = folder / NAME
-        if card.is_file():
+        card, stated = folder / NAME, []
+        if leads_out(source, card):
+            stated.append(UNREAD.format(NAME))
+        elif card.is_file():
             found = re.match(
                 r"---\n.*?^licen[sc]e:[ \t]*(.+?)$.*?^---", _start(card), re.DOTALL | re.M
             )
             if found:
                 return found[1].strip().strip("\"'")[:LONGEST]
-        stated = []
         named = filter(LICENCE.fullmatch, os.listdir(folder) if folder.is_dir() else ())
         for path in sorted(folder / name for name in named):
-            if path.is_file():
+            if leads_out(source, path):
+                stated.append(UNREAD.format(path.name))
+            elif path.is_file():
                 lines = (line.strip() for line in _start(path).splitlines())
                 first = next(filter(None, lines), None)
                 stated += [f"{first[:LONGEST]} ({path.name} of the source)"] if first else []

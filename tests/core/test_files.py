@@ -14,6 +14,7 @@ from rpaug import BadInput
 from rpaug.core.files import (
     atomic_folder,
     flush,
+    leads_out,
     natural,
     read_bytes,
     write_atomic,
@@ -140,3 +141,27 @@ def test_numbers_in_keys_count_as_numbers(keys: list[str]) -> None:
         return [(int(part), "") if part.isdecimal() else (-1, part) for part in found]
 
     assert sorted(keys, key=natural) == sorted(keys, key=parts)
+
+
+def test_where_a_path_of_a_dataset_leads(tmp_path: Path) -> None:
+    root, beside = tmp_path / "data", tmp_path / "data2"
+    for folder in (root / "deep", beside):
+        folder.mkdir(parents=True)
+        (folder / "file").write_text("x")
+    links = {
+        "in": root / "deep/file",
+        "again": root / "in",
+        "beside": beside / "file",  # its path begins like the root's
+        "back": Path("../data2/../data/deep/file"),
+        "up": Path("../data2/file"),
+        "nowhere": tmp_path / "nowhere",
+        "folder": beside,
+    }
+    for name, target in links.items():
+        (root / name).symlink_to(target)
+    found = {name for name in links if leads_out(root, root / name) is not None}
+    assert found == {"beside", "up", "nowhere", "folder"}
+    assert leads_out(root, root / "folder/file") == str(beside / "file")
+    assert leads_out(root, root / "not_there") is None
+    (tmp_path / "link").symlink_to(root)
+    assert leads_out(tmp_path / "link", tmp_path / "link/deep/file") is None

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, StrictInt, ValidationError, model_va
 
 from rpaug.core import color_space, safe_yaml
 from rpaug.core.errors import BadInput, TargetError
-from rpaug.core.files import read_bytes
+from rpaug.core.files import read_bytes, see_inside
 from rpaug.core.types import Belief, Scene
 from rpaug.scene.targets import targets
 
@@ -62,6 +62,7 @@ def read(root: Path) -> dict[str, SettledRole]:
     path = root / NAME
     if not path.is_file():
         return {}
+    see_inside(root, path)
     try:
         tree, _ = safe_yaml.load(read_bytes(path), MOST)
         return dict(_File.model_validate(tree).roles.items())
