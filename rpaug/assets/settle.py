@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.core import geometry
+from rpaug.core import geometry, simulation
 from rpaug.core.types import Mesh
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def resting(mesh: Mesh, scale: float = 1.0) -> Float64[np.ndarray, "4 4"]:
     It is let go a little above the plane the way it stands in its frame; its middle ends above the origin. The lowest
     point lies on the plane exactly: what contacts give way is taken back.
     """
-    import mujoco  # only here: it takes a third of a second to load
+    mujoco = simulation.mujoco()
 
     points = scale * mesh.points
     start = DROP - points[:, 2].min()

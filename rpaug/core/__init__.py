@@ -24,6 +24,7 @@ __all__ = [
     "remote",
     "safe_yaml",
     "sampling",
+    "simulation",
     "splits",
     "types",
     "validation",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from jaxtyping import Float, Float64
 
-from rpaug.core import geometry
+from rpaug.core import geometry, simulation
 from rpaug.physics.colliders import Boxes
 from rpaug.physics.solids import Solid, around
 
@@ -113,7 +113,7 @@ class Rigid:
 
     def run(self, frames: int, pace: float, start: float = 0.0) -> Fall:
         """So many frames, `pace` seconds apart, the first of them as the thing is; boxes are met from `start` on."""
-        import mujoco  # only here: it takes a third of a second to load
+        mujoco = simulation.mujoco()
 
         model = mujoco.MjModel.from_xml_string(self._described())
         data = mujoco.MjData(model)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.core import geometry
+from rpaug.core import geometry, simulation
 from rpaug.core.errors import BadInput
 from rpaug.core.files import read_bytes
 from rpaug.core.types import Robot
@@ -74,7 +74,7 @@ class Modelled:
 
     def forward(self, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "j t 4 4"]:
         """Pose of the body that each joint moves, in the model's world, over time."""
-        import mujoco
+        mujoco = simulation.mujoco()
 
         data, out = mujoco.MjData(self.model), np.tile(np.eye(4), (self.joints, len(joints), 1, 1))
         address, body = (
@@ -108,7 +108,7 @@ def read(path: Path, joints: int) -> Kinematics:
 
 
 def _modelled(path: Path, joints: int) -> Modelled:
-    import mujoco
+    mujoco = simulation.mujoco()
 
     try:
         model = mujoco.MjModel.from_xml_path(str(path))

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.core import geometry
+from rpaug.core import geometry, simulation
 from rpaug.core.files import read_bytes
 from rpaug.core.types import CameraView, Episode, Mesh, RobotPart
 from rpaug.render import mesh
@@ -45,7 +45,7 @@ class Shape:
 
     def forward(self, joints: Float64[np.ndarray, "t j"]) -> Float64[np.ndarray, "b t 4 4"]:
         """Each body's pose in the model's world, over time."""
-        import mujoco
+        mujoco = simulation.mujoco()
 
         data = mujoco.MjData(self.model)
         out = np.tile(np.eye(4), (len(self.bodies), len(joints), 1, 1))
@@ -181,7 +181,7 @@ def read(path: Path, joints: int) -> Shape | str:
 
     Bodies that joints other than the recorded ones move are left out: nobody knows where they are.
     """
-    import mujoco
+    mujoco = simulation.mujoco()
 
     arm = arms.read(path, joints)
     if isinstance(arm, arms.Modelled):
@@ -259,7 +259,7 @@ def _mesh(model: Any, body: int) -> Mesh | None:
 
 def _triangles(model: Any, geom: int) -> Iterator[Float64[np.ndarray, "n 3 3"]]:
     """A geom's surface in its body's frame; planes and fields of height are no part of a robot."""
-    import mujoco
+    mujoco = simulation.mujoco()
     from trimesh import creation  # only here: it takes half a second to load
 
     kinds, size = mujoco.mjtGeom, model.geom_size[geom]
