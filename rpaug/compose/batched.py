@@ -7,7 +7,7 @@ for the copies and epochs that follow, up to a limit.
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from threading import Lock, RLock
 from typing import Generic, TypeVar
 
@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float32, Int32, UInt8
 from torch import Tensor
 
 from rpaug.core import devices
+from rpaug.core.ahead import in_order
 from rpaug.core.errors import SourceLacks
 from rpaug.core.types import Appearance, Episode, Scene
 from rpaug.render.batched import composite
@@ -63,14 +64,11 @@ class Recorded:
 
     @cached_property
     def rgb(self) -> UInt8[Tensor, "1 h w 3"]:
-        return self._held(self._view.rgb(self._shot.t) if self._base is None else self._base.rgb)
+        return self.held(self.decoded("rgb") if self._base is None else self._base.rgb)
 
     @cached_property
     def ids(self) -> Int32[Tensor, "1 h w"]:
-        if self._base is not None:
-            return self._held(self._base.ids)
-        assert self._view.ids is not None
-        return self._held(self._view.ids(self._shot.t))
+        return self.held(self.decoded("ids") if self._base is None else self._base.ids)
 
     @cached_property
     def lifted(self) -> Lifted:
@@ -83,7 +81,7 @@ class Recorded:
         stands = camera is self._view.camera
         pool = pooled.of_camera(self._shot.scene.episode, name) if stands else None
         pose = camera.cam_to_world[t][None]
-        return batched.lift(self._held(depth), self.ids, camera.K, pose, pool)
+        return batched.lift(self.held(depth), self.ids, camera.K, pose, pool)
 
     @cached_property
     def lit(self) -> Float32[Tensor, "1 h w"]:
@@ -92,7 +90,7 @@ class Recorded:
         else:
             share = self._base.light() if self._base.light else None
         ones = torch.ones(self.ids.shape, device=self._device)
-        return ones if share is None else self._held(share)
+        return ones if share is None else self.held(share)
 
     @cached_property
     def mirrored(self) -> Float32[Tensor, "1 h w 3"] | None:
@@ -106,7 +104,7 @@ class Recorded:
             part.cpu().numpy().reshape(-1, 3) for part in (self.lifted.points, self.lifted.facing)
         )
         found = shine(points, facing, self.ids.cpu().numpy().ravel())
-        return None if found is None else self._held(found.reshape(*self.ids.shape[1:], 3))
+        return None if found is None else self.held(found.reshape(*self.ids.shape[1:], 3))
 
     def part(self, name: str) -> list[Tensor | None]:
         """One of `PARTS`."""
@@ -114,7 +112,14 @@ class Recorded:
             return [getattr(self.lifted, one) for one in PARTS[name]]
         return [getattr(self, name)]
 
-    def _held(self, array: np.ndarray) -> Tensor:
+    def decoded(self, name: str) -> np.ndarray:
+        """The recorded image (rgb) or its instance ids (ids), on the host."""
+        read = self._view.rgb if name == "rgb" else self._view.ids
+        assert read is not None
+        return read(self._shot.t)
+
+    def held(self, array: np.ndarray) -> Tensor:
+        """An array of one image on the device."""
         return torch.as_tensor(np.require(array, requirements=["C", "W"]), device=self._device)[
             None
         ]
@@ -178,17 +183,21 @@ class Kept:
     def part(self, name: str, shots: Sequence[Shot], slots: Sequence[int]) -> list[Tensor]:
         """The stacks of one of `PARTS`, of images that have slots. None of the highlights of images without any."""
         known = self._known[name]
-        for shot, slot in zip(shots, slots, strict=True):
-            if slot not in known:
-                self._fill(name, shot, slot)
-                known.add(slot)
+        new = {slot: shot for shot, slot in zip(shots, slots, strict=True) if slot not in known}
+        images = {slot: Recorded(shot, self._device) for slot, shot in new.items()}
+        if name in ("rgb", "ids"):  # files are read by several threads, the device is this one's
+            decoded = in_order(partial(image.decoded, name) for image in images.values())
+            for image, array in zip(images.values(), decoded, strict=True):
+                setattr(image, name, image.held(array))
+        for slot, image in images.items():
+            self._fill(name, image, slot)
+            known.add(slot)
         if name == "mirrored" and self._dull.issuperset(slots):
             return []
         index = torch.tensor(slots, device=self._device)
         return [self._stacks[one][index] for one in PARTS[name]]
 
-    def _fill(self, name: str, shot: Shot, slot: int) -> None:
-        image = Recorded(shot, self._device)
+    def _fill(self, name: str, image: Recorded, slot: int) -> None:
         if name != "ids" and slot in self._known["ids"]:
             image.ids = self._stacks["ids"][slot : slot + 1]
         if name == "mirrored" and slot in self._known["lifted"]:
