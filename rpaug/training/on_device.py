@@ -52,28 +52,21 @@ class OnDevice:
         return frozenset(name for name in made.scene.episode.views if drawable(made, name))
 
     def rows(self, rows: Sequence[Row | None], cameras: Cameras, places: Places) -> list[int]:
-        """The rows of a batch whose images are drawn here: those of copies all of whose cameras can be."""
+        """The rows of a batch whose images are drawn here: those of copies all of whose cameras can be, and recorded
+        what the batch shows pixel by pixel."""
         names = frozenset(cameras)
-        due = [n for n, row in enumerate(rows) if row is not None and names <= row.drawn.plain]
-        if not due:
-            return []
-        first = rows[due[0]]
-        assert first is not None
-        assert first.drawn.made is not None
-        known = first.drawn.made.scene.cameras
-        fits = (
-            _sized(places[keys["rgb"]], keys["rgb"], known[name])
-            for name, keys in cameras.items()
-            if "rgb" in keys
-        )
-        return due if all(fits) else []
+        return [
+            n
+            for n, row in enumerate(rows)
+            if row is not None and names <= row.drawn.plain and _sized(row, cameras, places)
+        ]
 
     def __call__(
         self, rows: Sequence[Row], at: Sequence[int], cameras: Cameras, places: Places
     ) -> dict[str, Tensor]:
         """What stands at the places of color images once these rows, `at` those of the batch, are edited: the images
         of the rows alone. Raises Unsupported for a batch that does not show what was recorded."""
-        self._look()
+        self._look(MOST_UNSEEN)
         sizes: dict[tuple[int, int], list[str]] = {}
         for name, keys in cameras.items():
             if "rgb" in keys:
@@ -134,9 +127,13 @@ class OnDevice:
         done.record()
         self._unseen.append((done, told, name))
 
-    def _look(self) -> None:
-        """Raises Unsupported for an earlier batch that did not show what was recorded, if that is known by now."""
-        while self._unseen and (len(self._unseen) > MOST_UNSEEN or self._unseen[0][0].query()):
+    def settle(self) -> None:
+        """Raises Unsupported if any batch so far did not show what was recorded."""
+        self._look(0)
+
+    def _look(self, most: int) -> None:
+        """See to what is known by now of earlier batches, and wait for those beyond `most`."""
+        while self._unseen and (len(self._unseen) > most or self._unseen[0][0].query()):
             done, told, name = self._unseen.pop(0)
             done.synchronize()
             _refuse(told, name)
@@ -206,8 +203,16 @@ def _scene(row: Row) -> Scene:
     return row.drawn.made.scene
 
 
-def _sized(value: Any, name: str, camera: Camera) -> bool:
-    """Whether a batch's images are tensors of the recorded size."""
+def _sized(row: Row, cameras: Cameras, places: Places) -> bool:
+    """Whether a batch's images are tensors of the size that a row's cameras recorded."""
+    known = _scene(row).cameras
+    for name, keys in cameras.items():
+        if "rgb" in keys and not _of_size(places[keys["rgb"]], keys["rgb"], known[name]):
+            return False
+    return True
+
+
+def _of_size(value: Any, name: str, camera: Camera) -> bool:
     if not isinstance(value, torch.Tensor) or not value.numel() or value.ndim < 4:
         return False
     layout = Layout.of(name, value, 3)

@@ -63,7 +63,13 @@ class Wrapper:
 
     def set_epoch(self, epoch: int) -> None:
         """Draw anew; reaches workers that are already running. Raises Unsupported below 0."""
+        self.settle()
         self._epoch.fill_(epoch_number(epoch))
+
+    def settle(self) -> None:
+        """Raises Unsupported if a batch that a device drew did not show what was recorded: that is known later."""
+        if self.device is not None:
+            self.device.settle()
 
     def __call__(self, sample: Sample) -> Sample:
         """The sample with its images edited, everything else as it was. Raises Unsupported.
@@ -184,7 +190,8 @@ class WrappedStream(IterableDataset[Any]):
         self.wrapper.set_epoch(epoch)
 
     def __iter__(self) -> Iterator[Any]:
-        return map(self.wrapper, self.dataset)
+        yield from map(self.wrapper, self.dataset)
+        self.wrapper.settle()
 
 
 def wrap(

@@ -142,6 +142,27 @@ def test_a_batch_that_shows_another_frame_is_refused(
     assert torch_draws
 
 
+def test_what_is_known_late_is_asked_for_at_the_end(
+    template: Path, tmp_path: Path, torch_draws: list[OnDevice], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Later:
+        """An event of a device that is busy."""
+
+        def query(self) -> bool:
+            return False
+
+        def synchronize(self) -> None:
+            pass
+
+    def see(self: OnDevice, fits: torch.Tensor, name: str) -> None:
+        self._unseen.append((Later(), torch.tensor(False), name))
+
+    monkeypatch.setattr(OnDevice, "_see", see)
+    with pytest.raises(Unsupported, match="front_rgb: found another image"):
+        batches(template, tmp_path, [PAINT], ON_CPU, device="torch-cpu")
+    assert len(torch_draws[0].drawing.kept) == 1
+
+
 def test_devices_that_are_not_there_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(Unsupported, match="device cuda: "):
