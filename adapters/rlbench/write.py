@@ -188,7 +188,7 @@ def _threads() -> int:
     """Workers beside others are told to keep to themselves by the variables that libraries read."""
     few, most = THREADS
     alone = "OMP_NUM_THREADS" not in os.environ
-    return max(few, min(most, len(os.sched_getaffinity(0)))) if alone else few
+    return max(few, min(most, os.cpu_count() or 1)) if alone else few
 
 
 def _kinds(

@@ -142,7 +142,7 @@ def _composited(
     if not scene.appearance and not scene.sensor:
         return view
 
-    def host(t: int) -> UInt8[np.ndarray, "h w 3"]:
+    def host(t: int, before: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
         ids = view.ids(t) if view.ids else None
         light = partial(intrinsic.share, scene, name, t)
         shine = (
@@ -151,14 +151,15 @@ def _composited(
         pool = stood.pool if stood else None
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         radiance = view.radiance(t) if view.radiance else None
-        return composite(view.rgb(t), ids, scene.appearance, scene.antialiased, surfaces, radiance)
+        return composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
 
-    draw = _on_device(scene, name, device) or host
+    drawn = _on_device(scene, name, device)
 
     def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
         start = time.thread_time()
-        image = sense(scene.sensor, draw(t), name, t)
-        watch(RenderedFrame(name, t, view.rgb(t), image, None, time.thread_time() - start))
+        before = view.rgb(t)
+        image = sense(scene.sensor, drawn(t) if drawn else host(t, before), name, t)
+        watch(RenderedFrame(name, t, before, image, None, time.thread_time() - start))
         return image
 
     return replace(view, rgb=rgb, radiance=None)

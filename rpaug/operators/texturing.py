@@ -225,10 +225,18 @@ class Texturing(Operator):
         return self.textures, edit["texture"], edit["digest"], mirror
 
 
-@lru_cache(24)  # the shipped set, 1.4 MB each
 def _pyramid(where: Path | None, name: str, digest: str | None, mirror: bool) -> Texture:
-    image = shipped.image(name) if where is None else folder.image(where, name)
-    return Texture.of(image, mirror)
+    return _shipped(name, mirror) if where is None else _own(where, name, digest, mirror)
+
+
+@lru_cache(64)  # the whole set, 0.3 MB each
+def _shipped(name: str, mirror: bool) -> Texture:
+    return Texture.of(shipped.image(name), mirror)
+
+
+@lru_cache(8)  # of up to 17 MB each
+def _own(where: Path, name: str, digest: str | None, mirror: bool) -> Texture:
+    return Texture.of(folder.image(where, name), mirror)
 
 
 @lru_cache(256)
