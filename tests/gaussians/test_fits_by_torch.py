@@ -3,16 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import waves
-from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene
+from analytic import EYES, LENGTH, scene, tracked
 from gsplat_kernels import EMULATED, ON_GPU, running
 
 import rpaug
 from rpaug.compose import joint
 from rpaug.core import registry
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Scene
 from rpaug.gaussians import fit4, store
 from rpaug.gaussians.descent import FitSettings, on, settings_for
 from rpaug.gaussians.fit import fitted
@@ -26,15 +25,9 @@ SETTINGS = replace(settings_for(steps=6), train_frames=4, checked_frames=1, thre
 
 @pytest.fixture(scope="module")
 def recorded() -> Scene:
-    plain = scene({"front": EYES["front"], "wrist": EYES["wrist"]}, length=LENGTH, moving="wrist")
-    still = np.tile(np.eye(4), (LENGTH, 1, 1))
-    roll = still.copy()
-    roll[:, :3, 3] = [ball_at(t, LENGTH) - ball_at(0, LENGTH) for t in range(LENGTH)]
-    bodies = (
-        Body(frozenset({TABLE, BOX}), still, "static"),
-        Body(frozenset({BALL}), roll, "gripper"),
+    return tracked(
+        scene({"front": EYES["front"], "wrist": EYES["wrist"]}, length=LENGTH, moving="wrist")
     )
-    return replace(plain, bodies=bodies)
 
 
 @backends

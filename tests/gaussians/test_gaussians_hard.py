@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, scene, seen_by
+from analytic import BALL, BOX, EYES, LENGTH, TABLE, scene, seen_by, tracked
 
 from rpaug.core import geometry
 from rpaug.core.types import Body, Scene
@@ -18,15 +18,7 @@ SETTINGS = replace(settings_for(steps=40), train_frames=4, checked_frames=1, thr
 
 @pytest.fixture(scope="module")
 def recorded() -> Scene:
-    plain = scene(EYES, length=LENGTH, moving="wrist")
-    still = np.tile(np.eye(4), (LENGTH, 1, 1))
-    roll = still.copy()
-    roll[:, :3, 3] = [ball_at(t, LENGTH) - ball_at(0, LENGTH) for t in range(LENGTH)]
-    bodies = (
-        Body(frozenset({TABLE, BOX}), still, "static"),
-        Body(frozenset({BALL}), roll, "gripper"),
-    )
-    return replace(plain, bodies=bodies)
+    return tracked(scene(EYES, length=LENGTH, moving="wrist"))
 
 
 def shown(given: Scene, camera: str = "front", t: int = 4) -> tuple[float, np.ndarray]:

@@ -117,6 +117,19 @@ def scene(eyes, length: int = 8, moving: str | None = None, ball: bool = True) -
     )  # fmt: skip
 
 
+def tracked(plain: Scene) -> Scene:
+    """The scene with its bodies as they truly move: the ball rolls in the gripper, the rest stands."""
+    length = plain.episode.length
+    still = np.tile(np.eye(4), (length, 1, 1))
+    roll = still.copy()
+    roll[:, :3, 3] = [ball_at(t, length) - ball_at(0, length) for t in range(length)]
+    bodies = (
+        Body(frozenset({TABLE, BOX}), still, "static"),
+        Body(frozenset({BALL}), roll, "gripper"),
+    )
+    return replace(plain, bodies=bodies)
+
+
 def seen_by(scene_, change):
     """The scene with each view's (rgb, depth, ids) at t changed by `change(name, t, rgb, depth, ids)`."""
 

@@ -4,7 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic import BALL, BOX, EYES, LENGTH, TABLE, ball_at, pinhole, scene, seen_by, shoot
+from analytic import (
+    BALL,
+    BOX,
+    EYES,
+    LENGTH,
+    TABLE,
+    ball_at,
+    pinhole,
+    scene,
+    seen_by,
+    shoot,
+    tracked,
+)
 
 from rpaug.core import geometry
 from rpaug.core.types import Body
@@ -14,15 +26,7 @@ from rpaug.scene.recorded import parts, surfels
 
 @pytest.fixture(scope="module")
 def recorded():
-    plain = scene(EYES, length=LENGTH, moving="wrist")
-    still = np.tile(np.eye(4), (LENGTH, 1, 1))
-    roll = still.copy()
-    roll[:, :3, 3] = [ball_at(t, LENGTH) - ball_at(0, LENGTH) for t in range(LENGTH)]
-    bodies = (
-        Body(frozenset({TABLE, BOX}), still, "static"),
-        Body(frozenset({BALL}), roll, "gripper"),
-    )
-    return replace(plain, bodies=bodies)
+    return tracked(scene(EYES, length=LENGTH, moving="wrist"))
 
 
 def moved(scene_, name, turn=(0.02, -0.03, 0.04), shift=(0.08, -0.05, 0.06)):
