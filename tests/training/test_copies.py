@@ -94,8 +94,10 @@ def assert_shown(item: dict[str, Any], wanted: Episode) -> None:
 def compare(dataset: Path, recipe: Recipe, out: Path, **how: Any) -> list[dict]:
     """Every copy that `rpaug augment` writes beside the item of its epoch; the reports, or a skip."""
     summary = augment(dataset, recipe, out)
-    if summary.failures:
-        pytest.skip(next(iter(summary.failures.values())))
+    for why in summary.failures.values():
+        if "VGG16 weights: found nothing" in why:
+            pytest.skip(why)
+    assert not summary.failures
     episodes = AugmentedEpisodes(dataset, recipe, **how)
     (recorded,) = (RLBench().read(dataset, key) for key in episodes.keys)
     made = written(out)
