@@ -117,6 +117,21 @@ def test_look_alikes_have_the_targets_color_or_proportions() -> None:
     )
 
 
+def test_what_the_library_lacks_is_painted_and_scaled() -> None:
+    edit = drawn(category="block", color="blue", size=(0.04, 0.04), near="anywhere")
+    for thing in edit["things"]:
+        asset = library.get(thing["asset"])
+        assert asset.category == "block"
+        assert thing["scale"] * asset.largest == pytest.approx(0.04)
+        assert color_space.nearest(np.array(thing["color"])) == "blue"
+
+
+def test_assets_that_are_named_stay_as_they_are() -> None:
+    name = max(library.find("block"), key=lambda one: one.largest).name
+    for thing in drawn(assets=(name,), near="anywhere")["things"]:
+        assert (thing["asset"], thing["scale"], "color" in thing) == (name, 1.0, False)
+
+
 def test_things_of_a_group_stand_together() -> None:
     for seed in range(3):
         edit = drawn(seed, count=3, groups=3, size=(0.04, 0.08))
