@@ -37,6 +37,13 @@ class Engine(StrEnum):
     RAY = "ray"
 
 
+class Untouched(StrEnum):
+    """How files that no edit reaches come into the output."""
+
+    COPY = "copy"
+    LINK = "link"
+
+
 # Long: the options of a command are its signature.
 def augment(
     dataset: Dataset,
@@ -76,6 +83,13 @@ def augment(
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
     ] = False,
     device: OnDevice = DeviceChoice.AUTO,
+    untouched: Annotated[
+        Untouched,
+        typer.Option(
+            help="Files that no edit reaches: copies (clones where the file system has them), or hard links to the "
+            "recorded ones, which take no room; who writes into one then writes into both."
+        ),
+    ] = Untouched.COPY,
     arm: Arms = None,
     models: UsedModels = None,
     ratio: Annotated[
@@ -142,6 +156,7 @@ def augment(
     with written(out, resume) as target, fitted as store:
         run = Run(dataset, loaded, target, tier, store, share, keep_invalid, _ratio(ratio), licence)
         run = replace(run, shard=_shard(shard), device=devices.chosen(device.value).name)
+        run = replace(run, linked=untouched is Untouched.LINK)
         if dry_run:
             return _dry_run(run, resume, as_json)
         with progress_bar("augmenting", as_json) as progress:
@@ -241,7 +256,7 @@ def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
         warn("would skip", f"{key}: {reason}")
     say(
         f"{len(plans) * len(run.copies)} copies, about {total['seconds']} s on one core and "
-        f"{total['megabytes']} MB. Nothing was written."
+        f"{'at most ' if run.linked else ''}{total['megabytes']} MB. Nothing was written."
     )
     return 2 if not plans else 1 if failed else 0
 

@@ -47,6 +47,7 @@ class Run:
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
     device: str = "cpu"  # that fits Gaussians and edits appearance: cpu or cuda
+    linked: bool = False  # untouched files are hard links to the recorded ones, not copies
     shard: tuple[int, int] | None = None  # which part of how many this run makes, from 1
 
     def __post_init__(self) -> None:

@@ -102,7 +102,7 @@ def test_so_many_frames_are_in_memory_however_long_the_clip(
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert max(kept) == 5
-    assert peaks[1] - peaks[0] < 10 * 3 * WIDTH * HEIGHT  # times and key frames of 360 more
+    assert peaks[1] - peaks[0] < 20 * 3 * WIDTH * HEIGHT  # of 360 more: their times, key frames
 
 
 def test_frames_are_those_asked_for_in_any_order(tmp_path: Path) -> None:
