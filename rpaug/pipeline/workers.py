@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from rpaug.core import owner, progress
 from rpaug.core.errors import Missing, RpaugError, of_the_machine
@@ -27,7 +27,11 @@ FORBIDDEN = {errno.EACCES, errno.EPERM}  # of an output, for any episode
 DIED = "a worker died (out of memory?); fewer workers need less"
 LOOK = 0.2  # seconds between two looks at what workers take
 SHARE = 0.9  # of the machine's memory, for all workers
-CGROUP = Path("/sys/fs/cgroup/memory.max")
+OWN_GROUPS = Path("/proc/self/cgroup")
+GROUPS = {
+    "": (Path("/sys/fs/cgroup"), "memory.max"),
+    "memory": (Path("/sys/fs/cgroup/memory"), "memory.limit_in_bytes"),
+}
 
 
 @dataclass(frozen=True)
@@ -110,12 +114,25 @@ def among(budget: Budget, workers: int) -> Budget:
 
 
 def _machine_memory() -> float:
-    """Bytes that this machine has, or that a container is given."""
+    """Bytes that this machine has, or that a container or a Slurm job is given of them."""
     found = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    try:
-        return min(found, float(CGROUP.read_text()))
-    except (OSError, ValueError):  # none, or "max"
-        return found
+    for limit in _limits():
+        with suppress(OSError, ValueError):  # none there, or "max"
+            found = min(found, float(limit.read_text()))
+    return found
+
+
+def _limits() -> Iterator[Path]:
+    """Files that may state a limit: of this process's control groups, of both versions, and of what those lie in."""
+    lines = ["0::/"]
+    with suppress(OSError):
+        lines += OWN_GROUPS.read_text().splitlines()
+    for line in lines:
+        _, kinds, path = line.split(":", 2)
+        if kinds in GROUPS:
+            top, name = GROUPS[kinds]
+            group = PurePosixPath(path.strip("/"))
+            yield from (top / one / name for one in (group, *group.parents))
 
 
 class WorkerProcess:
