@@ -146,6 +146,11 @@ class Summary:
     missing: bool = False  # aborted since an episode lacked what an edit is made of
 
     @property
+    def stopped(self) -> bool:
+        """Whether the machine's fault ended the run, so that it is to go on: nothing is gathered yet."""
+        return self.aborted is not None and not self.missing
+
+    @property
     def lacked(self) -> list[str]:
         """One sentence for each edit that was left out somewhere."""
         return [

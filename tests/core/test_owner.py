@@ -1,14 +1,19 @@
 """One owner for what is being written."""
 
+import getpass
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from rpaug.core import owner
 from rpaug.core.errors import BadInput
 from rpaug.core.owner import owned
 
+YEAR_BACK = time.time() - 365 * 86400
 HOLDS = """
 import sys, time
 from pathlib import Path
@@ -19,13 +24,20 @@ with owned(Path(sys.argv[1])):
 """
 
 
-def test_a_second_owner_is_refused_and_a_killed_one_leaves_no_lock(tmp_path: Path) -> None:
+def test_a_second_owner_is_refused_and_a_killed_one_leaves_no_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By name, host and age, also where the clock was set back meanwhile."""
     target = tmp_path / "deep" / "out"
     command = [sys.executable, "-c", HOLDS, str(target)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(BadInput, match=f"process {other.pid} of"), owned(target):
+        who = f"process {other.pid} of {getpass.getuser()} on {socket.gethostname()}, for 0 minutes"
+        with pytest.raises(BadInput, match=who), owned(target):
+            pass
+        monkeypatch.setattr(owner.time, "time", lambda: YEAR_BACK)
+        with pytest.raises(BadInput, match="for 0 minutes"), owned(target):
             pass
         other.kill()
         other.wait()

@@ -331,3 +331,13 @@ def test_images_may_be_named_by_the_side_file(tmp_path: Path) -> None:
     (root / "toy/1.0.0/cameras.yaml").write_text("images: {hand: nowhere}")
     with pytest.raises(BadInput, match=r"images\.hand: found nowhere"):
         RLDS().read(root, RLDS().episodes(root)[0])
+
+
+def test_statistics_that_trainers_keep_beside_shards_are_theirs_to_count(tmp_path: Path) -> None:
+    """Octo and OpenVLA count anew where their file is missing; the source's would tell of other episodes."""
+    root = dataset(tmp_path / "in")
+    (root / "toy/1.0.0/dataset_statistics_0123abcd.json").write_text('{"num_trajectories": 4}')
+    copied(root, tmp_path / "out", [KEY])
+    assert {*files(tmp_path / "out")} == {
+        *("features.json", "dataset_info.json", "toy-train.tfrecord-00000-of-00001")
+    }
