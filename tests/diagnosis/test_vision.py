@@ -123,13 +123,14 @@ def test_a_second_opinion_drops_what_it_does_not_share() -> None:
         "causes": [{"factor": "table", "confidence": 0.9}, {"factor": "camera", "confidence": 0.9}]
     }
     with (
-        served(answers(*[both] * TIMES, DETAIL, REMEDY, DETAIL, REMEDY)) as (first, _),
-        served(answers(*[TABLE] * TIMES, DETAIL, REMEDY)) as (second, _),
+        served(answers(*[both] * TIMES, DETAIL, REMEDY, DETAIL, REMEDY)) as (first, asked),
+        served(answers(*[TABLE] * TIMES, DETAIL, REMEDY)) as (second, asked_again),
     ):
         found = diagnose(evaluation(1), None, analyst=Vision(first), second=Vision(second))
     assert [cause.factor for cause in found.causes] == ["table"]
     assert any("camera: named by the first analyst only" in note for note in found.notes)
     assert "cross-checked" in found.analyst
+    assert len(found.trace) == len(asked) + len(asked_again)
 
 
 def test_words_of_a_dataset_stay_data() -> None:
