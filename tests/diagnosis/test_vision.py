@@ -202,7 +202,8 @@ def test_a_busy_endpoint_is_waited_for() -> None:
 def test_the_key_is_nowhere(tmp_path: Path) -> None:
     echo = {"detail": f"the key is {KEY}"}
     with served(answers(*[TABLE] * TIMES, echo, REMEDY)) as (endpoint, _):
-        found = ask(endpoint, failures=1)
+        said = evaluation(1, instruction=f"push it with {KEY}")
+        found = diagnose(said, None, analyst=Vision(endpoint))
     text: Any = found.model_dump_json()
     assert KEY not in text
     assert "***" in text

@@ -123,6 +123,17 @@ def test_a_color_belongs_to_what_it_was_said_of() -> None:
     )
 
 
+def test_a_cameras_name_is_no_misspelling() -> None:
+    answer = said_after("blur the fornt camera", (), WishContext(cameras=("fornt", "wrist")))
+    assert answer.edits == ({"op": "sensor_blur", "cameras": ["fornt"]},)
+
+
+def test_a_least_of_a_channel_leaves_all_above_it() -> None:
+    wish = "paint the cup in random colors (hue 10-360, saturation at least 0.6)"
+    (edit,) = said_after(wish, (), WishContext()).edits
+    assert edit["color"] == {"hsv": [[10, 360], [0.6, 1], [0.3, 1]]}
+
+
 def test_walls_are_flat_and_stand() -> None:
     sizes = {1: (200.0, 300.0, 3.0), 2: (300.0, 4.0, 250.0), 3: (60.0, 40.0, 80.0)}
     there = [{"id": one, "role": "background", "size_cm": size} for one, size in sizes.items()]
