@@ -142,3 +142,11 @@ def test_colors_in_hexadecimal() -> None:
     assert color_space.from_hex("red") is color_space.from_hex("#ff80") is None
     assert color_space.rgb("#000080") == pytest.approx((0, 0, 128 / 255))
     assert color_space.canonical("#fe0000") == "red"
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [("reddish", "red"), ("bluish", "blue"), ("whitish", "white"), ("greenish", "green")],
+)
+def test_a_shade_is_near_the_color_that_it_is_spelled_by(word: str, name: str) -> None:
+    assert color_space.canonical(word) == name

@@ -1,5 +1,6 @@
 """One owner for what is being written."""
 
+import fcntl
 import getpass
 import socket
 import subprocess
@@ -44,6 +45,22 @@ def test_a_second_owner_is_refused_and_a_killed_one_leaves_no_lock(
     with owned(target):
         assert (tmp_path / "deep" / ".out.lock").exists()
     assert not (tmp_path / "deep" / ".out.lock").exists()
+
+
+def test_a_lock_whose_file_its_last_owner_took_away_is_taken_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock, take, gone = tmp_path / ".out.lock", fcntl.flock, list[None]()
+
+    def last_owner_ends(descriptor: int, how: int) -> None:
+        take(descriptor, how)
+        if not gone:
+            gone.append(lock.unlink())
+
+    monkeypatch.setattr(fcntl, "flock", last_owner_ends)
+    with owned(tmp_path / "out"):
+        assert gone
+        assert lock.exists()
 
 
 def test_folders_that_were_made_for_the_lock_alone_are_gone(tmp_path: Path) -> None:

@@ -233,6 +233,15 @@ def test_a_round_may_drop_earlier_edits() -> None:
     assert (question["said"], question["earlier"]) == (["make the cup blue"], [BLUE])
 
 
+def test_a_round_drops_no_edit_that_was_never_there() -> None:
+    plan = {"steps": [], "drop": [1], "settings": None, "refuse": ""}
+    first, _ = asked("make the cup blue", wished(edit("blue", BLUE)))
+    history = History().after("make the cup blue", first)
+    for answer, staged in ((plan, True), (wished(drop=[1]), False)):
+        with pytest.raises(LanguageError, match="there are 1 earlier edits"):
+            asked("undo that", answer, history=history, staged=staged)
+
+
 @gl
 def test_the_model_sees_the_recording_and_is_told_what_does_not_hold_there() -> None:
     there, gone = instance_id("cylinder"), 999

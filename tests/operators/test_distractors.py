@@ -99,6 +99,13 @@ def test_a_smaller_thing_is_drawn_where_the_first_does_not_fit() -> None:
     assert max(library.get(name).largest for name in names) < 0.15
 
 
+def test_sizes_bound_the_longest_side() -> None:
+    edits = [drawn(seed, count=3, size=(0.04, 0.07)) for seed in range(4)]
+    names = {thing["asset"] for edit in edits for thing in edit["things"]}
+    assert len(names) > 1
+    assert all(0.04 <= library.get(name).largest <= 0.07 for name in names)
+
+
 def test_look_alikes_have_the_targets_color_or_proportions() -> None:
     edit = drawn(like="color")
     first, second = (thing["color"] for thing in edit["things"])

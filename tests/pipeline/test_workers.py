@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import active_children
 from pathlib import Path
 
 import played_jobs
@@ -91,8 +92,10 @@ def test_one_worker_with_a_budget_is_a_process_too(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(workers, "_serve", played_jobs.serve)
+    before = active_children()
     (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
     assert "more than 0.02 minutes" in str(found.error)
+    assert {*active_children()} <= {*before}  # it was ended, not left to hang
 
 
 def test_a_worker_says_how_far_it_is(played: Callable[..., dict[str, str | None]]) -> None:

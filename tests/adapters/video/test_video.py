@@ -294,6 +294,20 @@ def test_clips_are_cut_by_time_and_by_annotation(tmp_path: Path) -> None:
     assert np.abs(again.views["ego"].rgb(1).astype(int) - whole.rgb(4)).mean() < 2
 
 
+@pytest.mark.parametrize("name", ["uid", "action_uid"])
+def test_clips_are_cut_by_actions_under_either_name(tmp_path: Path, name: str) -> None:
+    root = dataset(tmp_path / "in")
+    hands = root / "v2/annotations/fho_hands_train.json"
+    given = json.loads(hands.read_text())
+    given["clips"][0]["frames"][0] |= {name: "h", "action_start_sec": 0.2, "action_end_sec": 0.3}
+    hands.write_text(json.dumps(given))
+    clip = f"clips:\n  - {{video: {UID}, annotation: h, margin: 0.01}}\n"
+    (root / "v2/full_scale/clips.yaml").write_text(clip)
+    (key,) = [key for key in Videos().episodes(root) if "cut" in key]
+    whole = Video(root / f"v2/full_scale/{UID}.mp4")
+    assert np.array_equal(Videos().read(root, key).views["ego"].rgb(0), whole.rgb(6))
+
+
 def test_one_file_is_a_dataset_and_other_layouts_come_first(tmp_path: Path, dataset: Path) -> None:
     path = write(tmp_path / "videos" / "a.mp4", 3)
     assert registry.adapter_for(path).name == "video"
