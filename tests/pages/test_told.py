@@ -46,3 +46,17 @@ def test_values_for_people_are_rounded_and_short():
 def test_unknown_operators_are_rounded():
     drawn = {"op": "mine", "edit": {"a": 0.123456789, "b": [1.5, 2, 3, 4, 5], "c": {"d": "x"}}}
     assert told.draw(drawn) == "a 0.123, b 1.5 2 3 and 2 more, c d x"
+
+
+def test_where_shadows_were_cast_anew_is_said():
+    lamps = {"ambient": 0.3, "directions": [[0, 0, 1]], "strengths": [0.7]}
+    fields = {"target": {"handle": 3}}
+    words = [
+        told.draw({"op": "remove", "fields": fields, "edit": {"lamps": one}})
+        for one in (lamps, [[0, 0, 1, 0.2]], [])
+    ]
+    assert words == [
+        "removed: instance 3 (shadows cast anew)",
+        "removed: instance 3 (its shadow on the table goes along)",
+        "removed: instance 3",
+    ]
