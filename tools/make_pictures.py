@@ -1,8 +1,10 @@
-"""Redraw the picture of every operator but `stylize`, which needs weights, from the sample that ships.
+"""Redraw the picture of every operator but `stylize`, which needs weights, from the sample that ships, or from the twin
+where an operator takes cast shadows.
 
-python tools/make_pictures.py
+python tools/make_pictures.py [OPERATOR ...]
 """
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import cv2
 import numpy as np
 
 import rpaug
-from rpaug import Episode, Scene
+from rpaug import Episode, Scene, twin
 from rpaug.core import registry
 from rpaug.core.files import write_atomic
 from rpaug.pipeline import plan, prepare, recipe
@@ -41,6 +43,7 @@ OPERATORS: dict[str, dict[str, Any]] = {
     "sensor_jpeg": {"quality": [15, 15]},
     "sensor_exposure": {"stops": [0.8, 0.8]},
 }
+SHADOWED: dict[str, dict[str, Any]] = {"shadows": {"depth": [1.6, 1.6], "turn": 1.5}}
 PAIR = ("front", "left_shoulder")  # of cameras: recorded and edited, side by side
 SMALL = 128
 
@@ -66,16 +69,29 @@ def small(image: np.ndarray) -> bytes:
     return packed.tobytes()
 
 
-def main() -> None:
-    """Write the pictures."""
-    root, images = Path(rpaug.__file__).parent / "sample", Path("docs/images")
-    adapter = registry.adapter_for(root)
-    episode = adapter.read(root, adapter.episodes(root)[0])
+def draw(episode: Episode, operators: dict[str, dict[str, Any]]) -> None:
+    """Write the pictures of some operators."""
     scene = build(episode, with_bodies=True)
-    for name, fields in OPERATORS.items():
+    for name, fields in operators.items():
         edited = shown(scene, [{"op": name, **fields}])
         pairs = [one.views[c].rgb(FRAME) for c in PAIR for one in (episode, edited)]
-        write_atomic(images / f"operators/{name}.png", small(strip(pairs, SMALL)))
+        write_atomic(Path(f"docs/images/operators/{name}.png"), small(strip(pairs, SMALL)))
+
+
+def main() -> None:
+    """Write the pictures."""
+    asked = sys.argv[1:] or [*OPERATORS, *SHADOWED]
+    plain, shadowed = (
+        {name: fields for name, fields in some.items() if name in asked}
+        for some in (OPERATORS, SHADOWED)
+    )
+    root = Path(rpaug.__file__).parent / "sample"
+    adapter = registry.adapter_for(root)
+    if plain:
+        draw(adapter.read(root, adapter.episodes(root)[0]), plain)
+    if shadowed:
+        look = twin.Look(shadows=True)
+        draw(twin.perform("put_in_box", 0, look=look, frames=17).episode, shadowed)
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ def drawable(scene: Scene, camera: str) -> bool:
     """Whether a camera's frames, recorded pixels under appearance edits, can be drawn many at once."""
     view = scene.episode.views[camera]
     told = view.ids is not None and view.depth is not None and view.radiance is None
-    return told and view.proxy is None and editable(scene)
+    return told and view.proxy is None and scene.relit is None and editable(scene)
 
 
 def editable(scene: Scene) -> bool:

@@ -37,7 +37,9 @@ def goals(scene: Scene, times: Sequence[int], instance_ids: frozenset[int]) -> l
     cameras = {name: view.camera for name, view in scene.episode.views.items()}
     bodies = tuple(body for body in scene.bodies if body.mesh is None and body.soft is None)
     painted = tuple(edit for edit in scene.appearance if edit.instance_ids is not None)
-    plain = replace(scene, cameras=cameras, bodies=bodies, appearance=painted, sensor=())
+    plain = replace(
+        scene, cameras=cameras, bodies=bodies, appearance=painted, sensor=(), relit=None
+    )
     invented: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
 
     def watch(shown: views.RenderedFrame) -> None:

@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +13,12 @@ from jaxtyping import Bool, Float32, Int32, UInt8
 from rpaug.compose import inserted
 from rpaug.core.errors import SourceLacks
 from rpaug.core.image_cache import shelved
-from rpaug.core.types import CameraView, Episode, Scene, Sensor
+from rpaug.core.memo import once
+from rpaug.core.types import CameraView, Episode, Rig, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
-from rpaug.scene.lighting import grain, highlights, intrinsic
+from rpaug.scene.lighting import grain, highlights, intrinsic, recast, rig
 from rpaug.scene.recorded import pooled, surface, surfels
 
 if TYPE_CHECKING:
@@ -79,10 +80,19 @@ def edited(
     surfels of the recorded scene, where they were built before. Another `device` than "cpu" makes edits of appearance,
     of several frames at once.
     """
-    near, shared = scene, None
+    cast = recast.of(scene)
+    near = scene
     if 1 in representations.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
-        shared = surfels.build(near, kept() if kept else None)
+
+    @cache
+    def drawn(even: bool) -> Callable[[str, int], Whole]:
+        if not even or cast is None:
+            return partial(_surfels, near, surfels.build(near, kept() if kept else None))
+        lit = replace(scene, episode=shelved(cast.recorded))
+        known = _evenly_lit(rig.recorded(scene), cast.relit.recorded)
+        return partial(_surfels, lit, surfels.build(lit, known))
+
     whole = None
     if any(tier >= 3 for tier in representations.values()):
         from rpaug.gaussians import fill_gaussians  # only here: it brings the rasteriser
@@ -96,21 +106,29 @@ def edited(
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
-            base = partial(_recorded, scene, name)
-            views[name] = _rendered(scene, name, _finished(scene, name, stood, base, device), watch)
+            base = partial(_recorded, scene.episode if cast is None else cast.recorded, name)
+            render = _finished(scene, name, stood, base, cast, device)
+            views[name] = _rendered(scene, name, render, watch)
         elif representations[name] == 0 or blank:
-            views[name] = _composited(scene, name, stood, watch, device)
-        elif shared is not None and representations[name] == 1:
-            base = partial(_surfels, near, shared, name)
-            render = _finished(near, name, stood, base, device)
+            views[name] = _composited(scene, name, stood, cast, watch, device)
+        elif representations[name] == 1:
+            base = partial(drawn(cast is not None and stands), name)
+            render = _finished(scene, name, stood, base, cast, device)
             if blended and blended.get(name):
                 render = partial(_blended, near, render, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
         else:
-            render = partial(_gaussians, scene if whole is None else whole, name)
+            render = partial(_gaussians, scene if whole is None else whole, name, cast)
             views[name] = _rendered(scene, name, render, watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
     return replace(scene.episode, views=shown, descriptions=scene.descriptions)
+
+
+@once
+def _evenly_lit(recorded: Scene, lamps: Rig) -> surfels.Surfels:
+    """Surfels of a recorded scene without cast shadows: all copies of an episode share them."""
+    even = shelved(intrinsic.evenly_lit(recorded, lamps))
+    return surfels.recorded(replace(recorded, episode=even))
 
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
@@ -136,18 +154,26 @@ def sense(
 
 
 def _composited(
-    scene: Scene, name: str, stood: Stands | None, watch: Watch, device: str
+    scene: Scene,
+    name: str,
+    stood: Stands | None,
+    cast: recast.Recast | None,
+    watch: Watch,
+    device: str,
 ) -> CameraView:
     view = scene.episode.views[name]
-    if not scene.appearance and not scene.sensor:
+    if not scene.appearance and not scene.sensor and cast is None:
         return view
 
     def host(t: int, before: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
         ids = view.ids(t) if view.ids else None
-        light = partial(intrinsic.share, scene, name, t)
-        shine = (
-            partial(highlights.seen_by, scene, view, t) if view.depth and ids is not None else None
-        )
+        light: surface.Light = partial(intrinsic.share, scene, name, t)
+        told = view.depth is not None and ids is not None and cast is None
+        shine = partial(highlights.seen_by, scene, view, t) if told else None
+        if cast is not None and view.depth and ids is not None:
+            now = cast.light(name, t, view.depth(t), ids)
+            before = cast.shown(name, t, cast.even(name, t), now)
+            light = partial(np.asarray, now)
         pool = stood.pool if stood else None
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         radiance = view.radiance(t) if view.radiance else None
@@ -204,10 +230,13 @@ def _on_device(
 Whole = tuple[inserted.Image, Bool[np.ndarray, "h w"]]
 """Color, depth and ids of an image before things are put in and appearance is edited, and its holes."""
 
+Lit = tuple[inserted.Image, Bool[np.ndarray, "h w"], Float32[np.ndarray, "h w"] | None]
+"""The same with what was put in, and the light on it where shadows were cast anew."""
 
-def _recorded(scene: Scene, name: str, t: int) -> Whole:
+
+def _recorded(episode: Episode, name: str, t: int) -> Whole:
     """What was recorded."""
-    view = scene.episode.views[name]
+    view = episode.views[name]
     depth = surface.depth_of(view, t)
     if depth is None:
         raise SourceLacks(
@@ -223,22 +252,33 @@ def _surfels(scene: Scene, shared: surfels.Surfels, name: str, t: int) -> Whole:
 
 
 def _finished(
-    scene: Scene, name: str, stood: Stands | None, base: Callable[[int], Whole], device: str
+    scene: Scene,
+    name: str,
+    stood: Stands | None,
+    base: Callable[[int], Whole],
+    cast: recast.Recast | None,
+    device: str,
 ) -> Callable[[int], Frame]:
-    """Images with what was inserted, and every appearance edit on all of it."""
+    """Images with what was inserted, in the light that falls now, and every appearance edit on all of it."""
     camera, view = scene.cameras[name], scene.episode.views[name]
 
-    def filled(t: int) -> tuple[inserted.Image, Bool[np.ndarray, "h w"]]:
+    def filled(t: int) -> Lit:
         before, hole = base(t)
         rgb, depth, ids = inserted.draw(scene, camera, t, before)
         made = stood.grain() if stood else None
         if made is not None:
             rgb = made.onto(view.rgb(t), before[0], rgb, hole)
-        return (rgb, depth, ids), hole & (ids == before[2])
+        light = None
+        if cast is not None and stood:
+            light = cast.light(name, t, depth, ids)
+            rgb = cast.shown(name, t, rgb, light)
+        elif cast is not None:
+            rgb = recast.times(rgb, cast.gain(camera, t, depth, ids))
+        return (rgb, depth, ids), hole & (ids == before[2]), light
 
     def frame(t: int) -> Frame:
-        (rgb, depth, ids), hole = filled(t)
-        light, shine = _told(scene, name, stood, t, ids)
+        (rgb, depth, ids), hole, now = filled(t)
+        light, shine = _told(scene, name, stood, t, ids, now)
         pool = stood.pool if stood else None
         surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
         radiance = None
@@ -252,12 +292,20 @@ def _finished(
 
 
 def _told(
-    scene: Scene, name: str, stood: Stands | None, t: int, ids: Int32[np.ndarray, "h w"]
+    scene: Scene,
+    name: str,
+    stood: Stands | None,
+    t: int,
+    ids: Int32[np.ndarray, "h w"],
+    now: Float32[np.ndarray, "h w"] | None,
 ) -> tuple[surface.Light, surface.Shine]:
-    """What tells of the light and of the highlights in an image of a camera that stands as it was recorded."""
+    """What tells of the light and of the highlights in an image of a camera that stands as it was recorded; `now` is
+    the light where it fell anew."""
     view = scene.episode.views[name]
-    light = partial(_light, scene, name, t, ids) if stood else None
-    still = stood and view.depth is not None and scene.recorded_bodies is None
+    light: surface.Light = partial(_light, scene, name, t, ids) if stood else None
+    if now is not None:
+        light = partial(np.asarray, now)
+    still = stood and view.depth is not None and scene.recorded_bodies is None and now is None
     return light, partial(highlights.seen_by, scene, view, t) if still else None
 
 
@@ -265,7 +313,7 @@ def _finished_on_device(
     scene: Scene,
     name: str,
     stood: Stands | None,
-    filled: Callable[[int], Whole],
+    filled: Callable[[int], Lit],
     device: str,
 ) -> Callable[[int], Frame] | None:
     """The same, appearance edited on a device; None where the host does it."""
@@ -277,8 +325,8 @@ def _finished_on_device(
         return None
 
     def bases(t: int) -> tuple[batched.Base, Bool[np.ndarray, "h w"]]:
-        (rgb, depth, ids), hole = filled(t)
-        return batched.Base(rgb, depth, ids, *_told(scene, name, stood, t, ids)), hole
+        (rgb, depth, ids), hole, now = filled(t)
+        return batched.Base(rgb, depth, ids, *_told(scene, name, stood, t, ids, now)), hole
 
     images = batched.ahead_over(scene, name, device, bases)
 
@@ -306,7 +354,7 @@ def _blended(
     t: int,
 ) -> Frame:
     """Surfels, but where both carriers show one of the instance ids everything is the Gaussians'."""
-    base, over = surfels_frame(t), _gaussians(scene, name, t)
+    base, over = surfels_frame(t), _gaussians(scene, name, recast.of(scene), t)
     ours = np.isin(base.ids, list(instance_ids)) & (over.ids == base.ids) & ~over.hole
     return Frame(
         np.where(ours[..., None], over.rgb, base.rgb),
@@ -316,7 +364,9 @@ def _blended(
     )
 
 
-def _gaussians(shown: "Scene | fill_gaussians.Patched", name: str, t: int) -> Frame:
+def _gaussians(
+    shown: "Scene | fill_gaussians.Patched", name: str, cast: recast.Recast | None, t: int
+) -> Frame:
     from rpaug.gaussians import (  # only here: they bring the rasteriser
         fill_gaussians,
         gaussian_view,
@@ -332,6 +382,8 @@ def _gaussians(shown: "Scene | fill_gaussians.Patched", name: str, t: int) -> Fr
     filled = holes.fill(drawn)
     camera = gaussian_view.standing(scene, name)
     rgb, depth, ids = inserted.draw(scene, camera, t, (filled.image, filled.depth, filled.ids))
+    if cast is not None:
+        rgb = recast.times(rgb, cast.gain(camera, t, depth, ids))
     where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
     # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
     image = composite(rgb, ids, scene.appearance, True, where)

@@ -31,7 +31,8 @@ class Needs:
 
     `targets` hold the things it edits: each field one target, several or None. `anchors` hold things that only say
     where. `bodies`: instances are told apart and tracked though no target is given. `gaussians`: fitted ones are there.
-    `depth`: a source without any is refused.
+    `depth`: a source without any is refused. `lamps`: instances are told apart and tracked where shadows pass over
+    what rests, since they tell where lamps are.
     """
 
     targets: tuple[str, ...] = ()
@@ -39,6 +40,7 @@ class Needs:
     bodies: bool = False
     gaussians: bool = False
     depth: bool = False
+    lamps: bool = False
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def _same(one: object, other: object) -> bool:
 
 def bare(scene: Scene) -> Scene:
     """The scene without what changes colors or words alone: what stands where, which such edits do not alter."""
-    return replace(scene, appearance=(), sensor=(), ambience=None, descriptions=())
+    return replace(scene, appearance=(), sensor=(), ambience=None, descriptions=(), relit=None)
 
 
 def recorded(episode: Episode) -> Episode:

@@ -471,6 +471,47 @@ class Ambience:
 
 
 @dataclass(frozen=True)
+class Rig:
+    """Ambient light and lamps far away, such that level ground which all of them reach has light 1.
+
+    `directions` are unit vectors in the world, from what is lit to the lamps.
+    """
+
+    ambient: float
+    directions: tuple[tuple[float, float, float], ...]
+    strengths: tuple[float, ...]
+
+    def light(
+        self,
+        normals: Float32[np.ndarray, "n 3"],
+        reached: Sequence[Float32[np.ndarray, "n"] | float],
+    ) -> Float32[np.ndarray, "n"]:
+        """Light on surfaces of these normals, where each lamp reaches so much of them."""
+        out = np.full(len(normals), self.ambient, np.float32)
+        for direction, strength, share in zip(
+            self.directions, self.strengths, reached, strict=True
+        ):
+            towards = np.maximum(normals @ np.array(direction, np.float32), 0)
+            out += np.float32(strength) * share * towards
+        return out
+
+
+@dataclass(frozen=True)
+class Relit:
+    """The lamps whose cast shadows were recorded, and those that the edited scene is shown under.
+
+    A shadow takes away `depth` times as much light as it would; a lamp is a disc of the radius `softness`, in radians.
+    Instance ids that are `unlit` show no surface and keep their color.
+    """
+
+    recorded: Rig
+    now: Rig
+    depth: float = 1.0
+    softness: float = 0.0
+    unlit: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
 class Belief:
     """What a role is taken to mean: its instance ids, how sure that is (0..1), and why, in sentences.
 
@@ -502,6 +543,7 @@ class Scene:
     `robot_parts` are the robot's shape by its file: moved cameras show them where nobody saw the robot.
     `roles` holds what is believed firmly enough, `beliefs` each role that was thought of with its reasons.
     `names` are the instance ids that models found by words, none for words that they found nothing by.
+    `relit` casts the lamps' shadows anew; None leaves those that were recorded.
     """
 
     episode: Episode
@@ -524,6 +566,7 @@ class Scene:
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
     names: Mapping[str, frozenset[int]] = field(default_factory=dict)
     robot_parts: tuple[RobotPart, ...] = ()
+    relit: Relit | None = None
 
     @property
     def actions_valid(self) -> bool:

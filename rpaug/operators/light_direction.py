@@ -10,9 +10,9 @@ from jaxtyping import Float32, Float64, Int32
 from pydantic import Field
 
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator
-from rpaug.core.types import Effect, Scene, Surface
+from rpaug.core.types import Effect, Relit, Scene, Surface
 from rpaug.operators.fields import Unit
-from rpaug.scene.lighting import light
+from rpaug.scene.lighting import light, rig, shadows
 from rpaug.scene.lighting.light import Lamp
 
 Direction = tuple[float, float, float]
@@ -65,7 +65,8 @@ class LightDirection(Operator):
 
     `recorded` is the direction to the lamp the episode was lit by, in the world; `ambient` the share of the light that
     comes from nowhere in particular. Both are estimated from how brightness depends on the faces' normals if not
-    given. Cast shadows and highlights stay where they were: they move no further than the recording knows.
+    given. Where moving shadows tell the lamps, all of them turn as the strongest does, and their shadows are cast
+    anew; else cast shadows stay where they were. Highlights stay in either case.
     """
 
     turn: Annotated[float, Field(gt=0, le=np.pi)] = 0.8  # radians, at most
@@ -74,7 +75,7 @@ class LightDirection(Operator):
     ambient: Unit | Literal["estimate"] = "estimate"
 
     effect: ClassVar[Effect] = Effect.RGB
-    needs: ClassVar[Needs] = Needs(depth=True)
+    needs: ClassVar[Needs] = Needs(depth=True, lamps=True)
     asked_as: ClassVar[Mapping[str, str]] = {
         "lit": "direction, light direction, light dir, lamp direction, azimuth, lamp position, "
         "light position, lamp angle, light angle, elevation",
@@ -103,6 +104,9 @@ class LightDirection(Operator):
             raise ValueError("ambient: must exceed 0, or faces turned away were recorded black")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
+        known = shadows.relit(scene)
+        if known is not None:
+            return self._cast(scene, known, rng)
         found = light.dominant(scene.episode)
         old = _unit(found.direction if self.recorded == "estimate" else self.recorded)
         ambient = found.ambient if self.ambient == "estimate" else self.ambient
@@ -119,7 +123,30 @@ class LightDirection(Operator):
             "unlit": list(light.unlit(scene.episode)),
         }
 
+    def _cast(self, scene: Scene, known: Relit, rng: np.random.Generator) -> Edit:
+        """Lamps whose shadows are known: where they now stand."""
+        lamps = known.now
+        if self.recorded != "estimate":
+            lamps = rig.nearest_at(lamps, _unit(self.recorded))
+        if self.ambient != "estimate":
+            lamps = rig.with_ambient(lamps, self.ambient)
+        before = replace(known, recorded=lamps) if known.now == known.recorded else known
+        old = _unit(lamps.directions[int(np.argmax(lamps.strengths))])
+        new = _unit(self.to) if self.to is not None else _near(old, self.turn, rng)
+        heading = float(np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0]))
+        now = rig.turned(lamps, heading, float(np.arcsin(new[2]) / np.arcsin(old[2])))
+        return {
+            "recorded": old.tolist(),
+            "direction": new.tolist(),
+            "lamps": {"recorded": shadows.plain(before.recorded), "now": shadows.plain(now)},
+            "unlit": list(light.unlit(scene.episode)),
+        }
+
     def apply(self, scene: Scene, edit: Edit) -> Scene:
+        if "lamps" in edit:
+            recorded, now = (shadows.rig_of(edit["lamps"][one]) for one in ("recorded", "now"))
+            before = scene.relit or Relit(recorded, now, unlit=tuple(edit["unlit"]))
+            return replace(scene, relit=replace(before, recorded=recorded, now=now))
         old = Lamp(tuple(edit["recorded"]), edit["ambient"], 1.0)
         new = Lamp(tuple(edit["direction"]), edit["ambient"], 1.0)
         brightest = tuple((instance_id, value) for instance_id, value in edit["brightest"])

@@ -27,8 +27,16 @@ def draw(one: Mapping[str, Any]) -> str:
         told = WORDS.get(one["op"], _plain)(fields, edit)
     except (KeyError, IndexError, TypeError, ValueError):  # a report of another version
         told = _plain(fields, edit)
-    short = "; ".join(one.get("fell_short", ()))
-    return f"{told} ({short})" if short else told
+    notes = [*one.get("fell_short", ()), *_shadows(edit)]
+    return f"{told} ({'; '.join(notes)})" if notes else told
+
+
+def _shadows(edit: Edit) -> tuple[str, ...]:
+    """Where the shadows of what was edited are cast anew; nothing where they stayed."""
+    lamps = edit.get("lamps")
+    if isinstance(lamps, Mapping):
+        return ("shadows cast anew",)
+    return ("its shadow on the table goes along",) if lamps else ()
 
 
 def target(given: Any) -> str:

@@ -138,6 +138,8 @@ def beyond(
 
     On the outlines of anti-aliased things an edit reaches one pixel further.
     """
+    if scene.relit is not None:
+        return 0  # a shadow may fall on anything
     instance_ids: set[int] = set()
     for edit in scene.appearance:
         if edit.instance_ids is None:
@@ -224,6 +226,7 @@ def _painted(scene: Scene, count: int) -> Episode:
         cameras={name: view.camera for name, view in scene.episode.views.items()},
         bodies=scene.tracked,
         recorded_bodies=None,
+        relit=None,
     )
     shown = views.edited(plain, dict.fromkeys(scene.episode.views, 0), lambda *ignored: None)
     kept = {name: replace(view, rgb=cache(view.rgb)) for name, view in shown.views.items()}

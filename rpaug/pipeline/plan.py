@@ -111,7 +111,8 @@ class Plan:
     than the masks is meant. `modelled`: an edit works on Gaussians, whatever shows what comes of it.
     `assumed` is what the source does not say and edits go by, in sentences. `film` is what structure from motion said
     of a video. `refine` is how many steps the edited Gaussians are tuned together, `refined` what came of it.
-    `device` is what fits Gaussians and edits appearance; else frames are drawn on the CPU whatever it is."""
+    `device` is what fits Gaussians and edits appearance; else frames are drawn on the CPU whatever it is. `lamps`:
+    instances must be told apart and tracked if the recording shows moving shadows."""
 
     tier: int
     representations: dict[str, int]
@@ -126,6 +127,7 @@ class Plan:
     refine: int = 0
     device: str = "cpu"
     refined: Mapping[str, Any] = field(default_factory=dict)
+    lamps: bool = False
 
     @property
     def gaussians(self) -> bool:
@@ -191,9 +193,10 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     wanted = any(operator.needs.bodies for operator in operators)
     bodies = bool(edited) or wanted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
+    lamps = any(operator.needs.lamps for operator in operators)
     return Plan(
-        tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled
-    )
+        tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled, lamps=lamps
+    )  # fmt: skip
 
 
 def check(operator: Operator, scene: Scene) -> None:

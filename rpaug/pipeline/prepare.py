@@ -23,6 +23,7 @@ from rpaug.providers.models_settings import Models
 from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import by_models, rgb_episode
 from rpaug.scene.instances.found import FoundInstances
+from rpaug.scene.lighting import rig
 from rpaug.scene.targets import nouns, roles, settled, targets
 from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
@@ -161,6 +162,7 @@ def _with_robot(scene: Scene, recipe: Recipe) -> tuple[Scene, tuple[str, ...]]:
 
 def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene, planning.Plan]:
     """The recorded scene; where instances are asked for, that of a video by structure from motion if that succeeds."""
+    plan = _with_shadows(episode, plan)
     if not plan.bodies:
         return build(episode, with_bodies=False), plan
     found = found_instances(episode, recipe.arms, recipe.models, recipe.video, phrases(recipe))
@@ -168,6 +170,13 @@ def _built(episode: Episode, recipe: Recipe, plan: planning.Plan) -> tuple[Scene
     scene, wrong = settled.settle(found.scene(), recipe.roles)
     warned = (*plan.warnings, *found.notes, *wrong)
     return scene, replace(plan, video=video, assumed=found.told, warnings=warned)
+
+
+def _with_shadows(episode: Episode, plan: planning.Plan) -> planning.Plan:
+    """The plan that tracks what casts moving shadows, where lamps are asked for and shadows move."""
+    if plan.bodies or not plan.lamps:
+        return plan
+    return replace(plan, bodies=rig.shadows_wander(episode))
 
 
 def found_instances(
@@ -250,7 +259,7 @@ def _moved(scene: Scene, recipe: Recipe) -> Iterator[tuple[str, Camera]]:
 
 def prepare(episode: Episode, plan: planning.Plan, scenes: Path | None = None) -> Scene:
     """The recorded scene with what the plan asks for, Gaussians among it: from the store `scenes`, or fitted."""
-    scene = build(episode, with_bodies=plan.bodies)
+    scene = build(episode, with_bodies=_with_shadows(episode, plan).bodies)
     scene = _with_gaussians(scene, plan, scenes)[0] if plan.gaussians else scene
     return _with_parts(scene, plan)[0]
 

@@ -24,6 +24,7 @@ FURTHEST_SHIFT = 0.1  # metres, each way along each axis
 FURTHEST_TURN = 0.05  # radians
 FURTHEST_LAMP = np.pi / 3  # radians the lamps are turned by, each way
 LOWEST_LAMP = 0.6  # times their height: a lamp that rises would light upward faces beyond 1
+FURTHEST_PLACE = 0.05  # metres that a thing is shifted by, each way
 SIZES = (0.75, 1.25)  # COLOSSEUM's widest usual range
 _DARKEST_TINT = 0.1  # darker ones leave too little light to measure an error by
 
@@ -90,6 +91,13 @@ def object_size(look: Look, names: Names, value: Any, rng: np.random.Generator) 
     return replace(look, scales={**look.scales, **dict.fromkeys(names, scale)})
 
 
+def object_place(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """The named parts elsewhere, each by one shift (x, y, z in metres) in its body's frame."""
+    x, y = rng.uniform(-FURTHEST_PLACE, FURTHEST_PLACE, 2)
+    shift = (float(x), float(y), 0.0) if value is None else _vector(value, rng, 0.0, 0.0)
+    return replace(look, shifts={**look.shifts, **dict.fromkeys(names, shift)})
+
+
 def removal(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
     """The named parts are not there."""
     return replace(look, absent=look.absent | set(names))
@@ -125,6 +133,7 @@ FACTORS: Mapping[str, Factor] = {
     "background_texture": Factor(texture(0.8, 1.6), BACKGROUND),
     "camera_pose": Factor(camera_pose, None),
     "object_size": Factor(object_size, ("manipulated",)),
+    "object_place": Factor(object_place, ("cylinder",)),
     "removal": Factor(removal, ("cylinder",)),
     "distractor": Factor(distractor, None),
 }

@@ -67,7 +67,8 @@ class Look:
     `antialias` smooths the color images, never depth or ids. `texture_seed` draws the textures;
     None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
     the light comes from. `headlight` is the brightness of a lamp on the camera itself. Parts named in `absent` are not
-    there; `scales` makes parts larger or smaller about their foot. `extras` are meshes that stand there as well.
+    there; `scales` makes parts larger or smaller about their foot, `shifts` puts them elsewhere in their bodies.
+    `extras` are meshes that stand there as well.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)
@@ -82,6 +83,7 @@ class Look:
     headlight: float = 0.0
     absent: frozenset[str] = frozenset()
     scales: Mapping[str, float] = field(default_factory=dict)
+    shifts: Mapping[str, Vector] = field(default_factory=dict)
     extras: tuple[Extra, ...] = ()
 
     def describe(self) -> dict[str, Any]:
@@ -89,7 +91,7 @@ class Look:
         facts = asdict(replace(self, extras=()))
         facts["absent"] = sorted(self.absent)
         facts["extras"] = [extra.describe() for extra in self.extras]
-        for name in ("absent", "scales", "extras"):
+        for name in ("absent", "scales", "shifts", "extras"):
             if not facts[name]:
                 del facts[name]
         if not self.covers:

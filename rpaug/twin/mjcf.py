@@ -11,7 +11,7 @@ from rpaug.core import geometry
 from rpaug.core.files import encode_png
 from rpaug.twin import covers
 from rpaug.twin.look import LAMPS, Extra, Look, TwinLamp
-from rpaug.twin.world import WHITE, Flex, Geom, Part, Print, TwinBody, World
+from rpaug.twin.world import WHITE, Flex, Geom, Part, Print, TwinBody, Vector, World
 
 SKIN = 0.0015  # metres: half the thickness of a sheet
 SHINE = 1.2  # times its diffuse color: what a lamp's highlights show
@@ -55,7 +55,8 @@ def to_xml(world: World, look: Look, size: int) -> str:
         for part in body.parts:
             if part.name in look.absent:
                 continue
-            _add_part(asset, element, resized(part, look.scales.get(part.name, 1.0)), look)
+            there = shifted(part, look.shifts.get(part.name, (0.0, 0.0, 0.0)))
+            _add_part(asset, element, resized(there, look.scales.get(part.name, 1.0)), look)
             if part.flex:
                 _add_flex(root, asset, part, part.flex, look)
     for extra in look.extras:
@@ -121,6 +122,22 @@ def foot(part: Part) -> float:
         else min(geom.start[2], (geom.end or geom.start)[2])
         for geom in part.geoms
     )
+
+
+def shifted(part: Part, by: Vector) -> Part:
+    """The part elsewhere in its body's frame."""
+
+    def moved(point: Vector) -> Vector:
+        x, y, z = np.add(point, by)
+        return float(x), float(y), float(z)
+
+    if not any(by):
+        return part
+    geoms = tuple(
+        replace(g, start=moved(g.start), end=None if g.end is None else moved(g.end))
+        for g in part.geoms
+    )
+    return replace(part, geoms=geoms)
 
 
 def resized(part: Part, scale: float) -> Part:

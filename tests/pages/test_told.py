@@ -51,3 +51,17 @@ def test_unknown_operators_are_rounded():
 def test_what_fell_short_of_what_was_asked_is_said():
     drawn = {"op": "mine", "edit": {"a": 1}, "fell_short": ["1 of 2 things", "no lamp"]}
     assert told.draw(drawn) == "a 1 (1 of 2 things; no lamp)"
+
+
+def test_where_shadows_were_cast_anew_is_said():
+    lamps = {"ambient": 0.3, "directions": [[0, 0, 1]], "strengths": [0.7]}
+    fields = {"target": {"handle": 3}}
+    words = [
+        told.draw({"op": "remove", "fields": fields, "edit": {"lamps": one}})
+        for one in (lamps, [[0, 0, 1, 0.2]], [])
+    ]
+    assert words == [
+        "removed: instance 3 (shadows cast anew)",
+        "removed: instance 3 (its shadow on the table goes along)",
+        "removed: instance 3",
+    ]

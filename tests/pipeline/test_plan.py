@@ -81,6 +81,7 @@ PLANS = {
     "sensor_exposure": ({}, 0, False, False),
     "sensor_jpeg": ({}, 0, False, False),
     "sensor_noise": ({}, 0, False, False),
+    "shadows": ({}, 0, False, False),
     "spread": ({"targets": [A, B]}, 1, True, False),
     "stylize": ({"target": A}, 0, True, True),
     "table_color": ({}, 0, True, False),

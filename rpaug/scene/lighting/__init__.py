@@ -10,6 +10,7 @@ __all__ = [
     "intrinsic",
     "irradiance",
     "light",
+    "recast",
     "rig",
     "shading",
     "shadows",

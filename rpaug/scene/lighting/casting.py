@@ -4,16 +4,16 @@ Surfaces are the pixels of a few frames, carried along with their bodies. Walls 
 inside the room. A pixel is a small disc across its normal, so that a surface does not shade itself.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int64
+from jaxtyping import Float32, Float64, Int32, Int64
 
 from rpaug.core import geometry, sampling
 from rpaug.core.jit import kernel
 from rpaug.core.memo import once
-from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.core.types import Camera, CameraView, Episode, Mesh, Scene
 from rpaug.scene.recorded import pooled, surface
 
 FRAMES = 6
@@ -24,10 +24,12 @@ LIFT = 0.006  # metres above its surface that a place is looked up at
 CLOSE = 0.010  # metres: what lies no further before a place is its own surface
 GRAZING = 0.2  # cosine: discs turned further from the light are drawn as if turned so far
 LARGEST = 4096  # cells a side
+FOOT = 0.005  # quantile of a thing's heights that it stands on
+MOST_STEPS = 64  # along a triangle's side that is drawn as discs
 KEPT = 192  # maps: other cameras of that time ask for them again
 
 
-Directions = tuple[tuple[float, float, float], ...]
+Direction = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,10 @@ class Discs:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """All that may stand in a lamp's way: discs by the track that carries them into the world."""
+    """All that may stand in a lamp's way, by instance id: discs, and the track that carries them into the world."""
 
-    parts: tuple[tuple[Float64[np.ndarray, "t 4 4"], Discs], ...]
-    _kept: dict[int, tuple[Directions, list["LightMap"]]] = field(default_factory=dict, repr=False)
+    parts: Mapping[int, tuple[Float64[np.ndarray, "t 4 4"], Discs]]
+    _kept: dict[tuple[int, Direction], "LightMap"] = field(default_factory=dict, repr=False)
 
     def at(self, t: int) -> Discs:
         """Where they are at t."""
@@ -54,21 +56,22 @@ class Casters:
                 one.normals @ pose[t, :3, :3].T.astype(np.float32),
                 one.width,
             )
-            for pose, one in self.parts
+            for pose, one in self.parts.values()
         ]
         return joined(moved)
 
-    def maps(self, t: int, directions: Directions) -> list["LightMap"]:
+    def maps(self, t: int, directions: Sequence[Direction]) -> list["LightMap"]:
         """What lamps in these directions see of them at t; the last ones are kept."""
-        known = self._kept.get(t)
-        if known is not None and known[0] == directions:
-            return known[1]
-        discs = self.at(t)
-        found = [light_map(discs, np.array(one)) for one in directions]
-        while len(self._kept) * len(directions) >= KEPT:
-            self._kept.pop(next(iter(self._kept)), None)
-        self._kept[t] = directions, found
-        return found
+        found = {one: self._kept[t, one] for one in directions if (t, one) in self._kept}
+        if len(found) < len(directions):
+            discs = self.at(t)
+            new = [one for one in directions if one not in found]
+            found |= {one: light_map(discs, np.array(one)) for one in new}
+            for one in new:
+                while len(self._kept) >= KEPT:
+                    self._kept.pop(next(iter(self._kept)), None)
+                self._kept[t, one] = found[one]
+        return [found[one] for one in directions]
 
 
 @once
@@ -92,8 +95,66 @@ def casters(scene: Scene) -> Casters:
                     discs.normals[mine] @ back[:3, :3].T.astype(np.float32),
                     discs.width[mine],
                 )
-                found.setdefault(id(track), (track, []))[1].append(own)
-    return Casters(tuple((track, thinned(joined(parts), GRAIN)) for track, parts in found.values()))
+                found.setdefault(one, (track, []))[1].append(own)
+    return Casters(
+        {one: (track, thinned(joined(parts), GRAIN)) for one, (track, parts) in found.items()}
+    )
+
+
+def standing(scene: Scene, recorded: Casters) -> Casters:
+    """Those of an edited scene: what was recorded where its bodies are now, and what was put in. What bends casts
+    nothing."""
+    held = {one for body in scene.tracked for one in body.instance_ids}
+    parts = {one: part for one, part in recorded.parts.items() if one not in held}
+    for body in scene.bodies:
+        if body.mesh is not None:
+            parts |= dict.fromkeys(body.instance_ids, (body.to_world, of_mesh(body.mesh)))
+        elif body.soft is None:
+            names = body.copy_of or {one: one for one in body.instance_ids}
+            for source in names.keys() & recorded.parts.keys():
+                _, discs = recorded.parts[source]
+                size = np.float32(body.scale)
+                grown = Discs(size * discs.points, discs.normals, size * discs.width)
+                parts[names[source]] = body.to_world, grown
+    return Casters(parts)
+
+
+def with_supports(scene: Scene, recorded: Casters) -> Casters:
+    """The recorded ones, and what resting things stand on beneath them, where nobody saw it."""
+    still = {one for body in scene.tracked if body.motion == "static" for one in body.instance_ids}
+    still -= scene.roles.get("table", frozenset())
+    below = {-one: _below(*recorded.parts[one]) for one in still & recorded.parts.keys()}
+    return Casters({**recorded.parts, **below})
+
+
+def _below(
+    track: Float64[np.ndarray, "t 4 4"], discs: Discs
+) -> tuple[Float64[np.ndarray, "t 4 4"], Discs]:
+    """A thing pressed flat at its foot, which does not go where the thing goes."""
+    still = np.broadcast_to(np.eye(4), track.shape)
+    points = geometry.transform(track[0], discs.points)
+    points[:, 2] = np.quantile(points[:, 2], FOOT)
+    up = np.broadcast_to(np.array([0, 0, 1], np.float32), points.shape)
+    return still, thinned(Discs(points.astype(np.float32), up, discs.width), GRAIN)
+
+
+def of_mesh(mesh: Mesh) -> Discs:
+    """A mesh's surface as discs about as wide as the `GRAIN`."""
+    corners = mesh.points[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=-1) / 2
+    longest = np.linalg.norm(corners - np.roll(corners, 1, 1), axis=-1).max(1)
+    parts = []
+    steps = np.clip(np.ceil(longest / GRAIN), 1, MOST_STEPS).astype(int)
+    for step in np.unique(steps).tolist():
+        mine = (steps == step) & (area > 0)
+        i, j = np.nonzero(np.add.outer(np.arange(step), np.arange(step)) < step)
+        weights = np.stack([i + 1 / 3, j + 1 / 3, step - i - j - 2 / 3], -1) / step
+        points = np.einsum("kc,fcd->fkd", weights, corners[mine]).reshape(-1, 3)
+        normals = (across[mine] / (2 * area[mine, None])).repeat(len(weights), 0)
+        width = (longest[mine] / step).repeat(len(weights))
+        parts.append(Discs(*(one.astype(np.float32) for one in (points, normals, width))))
+    return thinned(joined(parts), GRAIN)
 
 
 def known(episode: Episode) -> Iterator[CameraView]:
@@ -112,14 +173,28 @@ def discs_of(view: CameraView, t: int, rows: Int64[np.ndarray, "n"]) -> tuple[np
     """Instance ids and surfaces of some pixels; 0 where no depth is known."""
     assert view.depth is not None
     assert view.ids is not None
-    depth = np.nan_to_num(view.depth(t), posinf=0.0, neginf=0.0)
-    ids = view.ids(t)
-    pool = pooled.nothing(*depth.shape)
-    pose = view.camera.cam_to_world[t]
-    points, normals, width = surface.lift(depth, ids, view.camera.K, pose, rows, pool)
+    depth, ids = view.depth(t), view.ids(t)
+    discs = lifted(depth, ids, view.camera, t, rows)
     step = max(1, round(view.camera.width / WIDE))
-    shown = np.where(depth.reshape(-1)[rows] > 0, ids.reshape(-1)[rows], 0)
-    return shown, Discs(points, normals, step * width)
+    shown = np.where(_known_depth(depth).reshape(-1)[rows] > 0, ids.reshape(-1)[rows], 0)
+    return shown, Discs(discs.points, discs.normals, step * discs.width)
+
+
+def lifted(
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    camera: Camera,
+    t: int,
+    rows: Int64[np.ndarray, "n"],
+) -> Discs:
+    """Surfaces of some pixels of any image."""
+    pool = pooled.nothing(*depth.shape)
+    pose = camera.cam_to_world[t]
+    return Discs(*surface.lift(_known_depth(depth), ids, camera.K, pose, rows, pool))
+
+
+def _known_depth(depth: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    return np.nan_to_num(depth, posinf=0.0, neginf=0.0)
 
 
 def joined(parts: list[Discs]) -> Discs:
@@ -166,9 +241,11 @@ def light_map(discs: Discs, direction: Float64[np.ndarray, "3"], cell: float = C
     if not len(at):
         return LightMap(frame, np.zeros(2, np.float32), cell, np.zeros((1, 1), np.float32))
     across, along = at.T[:2]  # by column: NumPy is slow over a long first axis
-    low = np.array([across.min(), along.min()], np.float32) - np.float32(4 * cell)
+    # In whole cells, so that maps of more or fewer surfaces agree.
+    first = np.floor(np.array([across.min(), along.min()]) / cell) - 4
+    low = (cell * first).astype(np.float32)
     high = np.array([across.max(), along.max()], np.float32)
-    columns, rows = np.clip(np.ceil((high - low) / cell).astype(int) + 5, 1, LARGEST)
+    columns, rows = np.clip(np.ceil((high - low) / cell).astype(int) + 6, 1, LARGEST)
     height = np.full((rows, columns), -np.inf, np.float32)
     _draw(at, turned, discs.width, low, cell, height)
     return LightMap(frame, low, cell, height)
@@ -206,8 +283,12 @@ def _draw(
         flip = 1.0 if c >= 0 else -1.0
         reach = 0.5 * width[n] / cell
         across = max(reach, 0.5)
+        tilt = max(np.sqrt(a * a + b * b), 1e-6)
+        along = max(reach * abs(c), 0.5)  # a disc seen from its side is thin
         for j in range(max(0, int(np.ceil(y - across))), min(rows, int(y + across) + 1)):
             for i in range(max(0, int(np.ceil(x - across))), min(columns, int(x + across) + 1)):
+                if abs(a * (i - x) + b * (j - y)) > along * tilt:
+                    continue
                 rise = -flip * (a * (i - x) + b * (j - y)) * cell / steep
                 rise = min(max(rise, -width[n]), width[n])
                 height[j, i] = max(height[j, i], at[n, 2] + rise)

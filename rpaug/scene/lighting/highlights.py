@@ -79,7 +79,7 @@ class Highlights:
 
     lamps: Lamps
     finishes: Mapping[int, Finish]
-    shadows: casting.Directions = ()
+    shadows: tuple[casting.Direction, ...] = ()
 
 
 def find(scene: Scene) -> Highlights | None:
@@ -165,7 +165,7 @@ def on(
 
 
 def _reached_places(
-    scene: Scene, places: SeenTwice, along: casting.Directions
+    scene: Scene, places: SeenTwice, along: tuple[casting.Direction, ...]
 ) -> list[Float32[np.ndarray, "n"]]:
     """How much of each place each lamp reaches; all of it where none are known to cast shadows."""
     out = [np.ones(len(places.ids), np.float32) for _ in range(len(along) or MOST_LAMPS)]
@@ -180,7 +180,7 @@ def _reached_places(
 def _reached(
     scene: Scene,
     t: int,
-    along: casting.Directions,
+    along: tuple[casting.Direction, ...],
     points: Float32[np.ndarray, "n 3"],
     normals: Float32[np.ndarray, "n 3"],
 ) -> list[Float32[np.ndarray, "n"]]:
@@ -217,7 +217,7 @@ class _MirrorFitter:
         self._value = places.difference.mean(1).astype(float)
         self._eyes = _eyes(places)
 
-    def fitted(self, along: casting.Directions = ()) -> Lamps | None:
+    def fitted(self, along: tuple[casting.Direction, ...] = ()) -> Lamps | None:
         """None if they explain less than half of what looks different however long each camera exposes.
 
         Lamps that cast shadows `along` some directions are those that are mirrored.

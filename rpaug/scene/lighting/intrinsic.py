@@ -16,9 +16,8 @@ import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.core import memo, sampling
-from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.core.types import CameraView, Episode, Rig, Scene
 from rpaug.scene.lighting import casting, highlights, rig
-from rpaug.scene.lighting.rig import Rig
 from rpaug.scene.recorded import lit
 
 TIMES = 6  # at which the albedo of what rests is looked for
@@ -68,24 +67,47 @@ def unshadowed(scene: Scene) -> Episode:
 
 def _matte(scene: Scene) -> tuple[Scene, Rig | None]:
     """The scene as it was recorded, without highlights, and the lamps whose shadows pass over it."""
-    bare = replace(rig.recorded(scene), episode=highlights.matte(scene))
-    return bare, rig.find(scene)
+    return matte(scene), rig.find(scene)
+
+
+def matte(scene: Scene) -> Scene:
+    """The scene as it was recorded, without highlights."""
+    return replace(rig.recorded(scene), episode=highlights.matte(scene))
+
+
+def evenly_lit(scene: Scene, lamps: Rig) -> Episode:
+    """The recorded episode as it would be if these lamps cast no shadow; what shines there shines still."""
+    return _lit_by_all(scene.episode, matte(scene), lamps)
+
+
+def share_of(scene: Scene, lamps: Rig, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
+    """`share` by lamps that are known; None for a camera that does not tell where surfaces lie."""
+    return _share(matte(scene), lamps, name, t)
+
+
+def evened(
+    rgb: UInt8[np.ndarray, "h w 3"], share: Float32[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "h w 3"]:
+    """An image as it would be, had each pixel all its light and not just this share."""
+    return np.minimum(np.rint(rgb / share[..., None]), 255).astype(np.uint8)
 
 
 @memo.last
 def _unshadowed(scene: Scene, lamps: Rig) -> Episode:
+    return _lit_by_all(scene.episode, scene, lamps)
+
+
+@memo.last
+def _lit_by_all(episode: Episode, bare: Scene, lamps: Rig) -> Episode:
     def rgb(name: str, view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
-        found = _share(scene, lamps, name, t)
-        recorded = view.rgb(t)
-        if found is None:
-            return recorded
-        return np.minimum(np.rint(recorded / found[..., None]), 255).astype(np.uint8)
+        found = _share(bare, lamps, name, t)
+        return view.rgb(t) if found is None else evened(view.rgb(t), found)
 
     views = {
         name: replace(view, rgb=partial(rgb, name, view), radiance=None)
-        for name, view in scene.episode.views.items()
+        for name, view in episode.views.items()
     }
-    return replace(scene.episode, views=views)
+    return replace(episode, views=views)
 
 
 def best_light(scene: Scene, instance_id: int) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from rpaug.core import memo, sampling
-from rpaug.core.types import Camera, CameraView, Scene
+from rpaug.core.types import Camera, CameraView, Episode, Rig, Scene
 from rpaug.scene.lighting import casting
 from rpaug.scene.recorded import lit
 
@@ -41,32 +41,63 @@ PASSES = 4
 NO_CAMERAS: Mapping[str, Camera] = MappingProxyType({})  # one object, so that scenes compare
 
 
-@dataclass(frozen=True)
-class Rig:
-    """Ambient light and lamps far away, such that level ground which all of them reach has light 1."""
-
-    ambient: float
-    directions: tuple[tuple[float, float, float], ...]
-    strengths: tuple[float, ...]
-
-    def light(
-        self,
-        normals: Float32[np.ndarray, "n 3"],
-        reached: Sequence[Float32[np.ndarray, "n"] | float],
-    ) -> Float32[np.ndarray, "n"]:
-        """Light on surfaces of these normals, where each lamp reaches so much of them."""
-        out = np.full(len(normals), self.ambient, np.float32)
-        for direction, strength, share in zip(
-            self.directions, self.strengths, reached, strict=True
-        ):
-            towards = np.maximum(normals @ np.array(direction, np.float32), 0)
-            out += np.float32(strength) * share * towards
-        return out
-
-
 def find(scene: Scene) -> Rig | None:
     """The lamps of an episode that has moving shadows; None without any, or where no depth tells what casts them."""
     return _find(recorded(scene)) if scene.bodies else None
+
+
+@memo.of_episode
+def shadows_wander(episode: Episode) -> bool:
+    """Whether a shadow passes over anything at all, before it is known what moves: then it may be worth knowing."""
+    masked = all(view.depth and view.ids for view in episode.views.values())
+    return masked and _often(_darkened(episode, frozenset()))
+
+
+def _often(fell: "Sequence[_Darkened]") -> bool:
+    return sum(len(one.rows) for one in fell) > OFTEN * sum(one.seen for one in fell)
+
+
+def nearest_at(lamps: Rig, direction: Float64[np.ndarray, "3"]) -> Rig:
+    """The lamps with the one nearest to a direction exactly there."""
+    nearest = int(np.argmax(np.array(lamps.directions) @ direction))
+    x, y, z = direction.tolist()
+    directions = list(lamps.directions)
+    directions[nearest] = (x, y, z)
+    return _level(lamps.ambient, directions, lamps.strengths)
+
+
+def with_ambient(lamps: Rig, share: float) -> Rig:
+    """The lamps with such a share of all light that has no direction."""
+    strengths = np.array(lamps.strengths) * (1 - share) / sum(lamps.strengths)
+    return _level(share, lamps.directions, strengths.tolist())
+
+
+def _level(
+    ambient: float, directions: Sequence[tuple[float, float, float]], strengths: Sequence[float]
+) -> Rig:
+    """Lamps that light level ground by 1."""
+    up = ambient + sum(one * towards[2] for one, towards in zip(strengths, directions, strict=True))
+    return Rig(
+        round(float(ambient / up), 5),
+        tuple(
+            (round(float(x), 5), round(float(y), 5), round(float(z), 5)) for x, y, z in directions
+        ),
+        tuple(round(float(one / up), 5) for one in strengths),
+    )
+
+
+def turned(lamps: Rig, heading: float, higher: float) -> Rig:
+    """All lamps turned about the vertical, and each that many times as high above the horizon; level ground that all
+    of them reach has the light it had."""
+    moved = []
+    for x, y, z in lamps.directions:
+        height = np.clip(higher * np.arcsin(z), np.arcsin(LOWEST), np.pi / 2)
+        turn = np.arctan2(y, x) + heading
+        along = np.cos(height)
+        moved.append(
+            (float(along * np.cos(turn)), float(along * np.sin(turn)), float(np.sin(height)))
+        )
+    return replace(lamps, directions=tuple(moved))
 
 
 @memo.last
@@ -84,8 +115,8 @@ def recorded(scene: Scene) -> Scene:
 
 @memo.last
 def _find(scene: Scene) -> Rig | None:
-    fell = _darkened(scene)
-    if sum(len(one.rows) for one in fell) <= OFTEN * sum(one.seen for one in fell):
+    fell = _darkened(scene.episode, scene.moving)
+    if not _often(fell):
         return None
     found = _Fitter(scene, _sample(scene)).fitted()
     return None if found is None or _explained(scene, fell, found) < EXPLAINED else found
@@ -104,21 +135,21 @@ class _Darkened:
     darkest: Int64[np.ndarray, "n"]
 
 
-def _darkened(scene: Scene) -> list[_Darkened]:
+def _darkened(episode: Episode, moving: frozenset[int]) -> list[_Darkened]:
     """Whether shadows pass over what rests: the cheap test, on a few frames of the cameras that stand still.
 
     Never in photographs, whose colors are no light times albedo, and which have no recorded masks.
     """
-    if any(view.inferred for view in scene.episode.views.values()):
+    if any(view.inferred for view in episode.views.values()):
         return []
-    times = sampling.frames(scene.episode.length, TESTED)
+    times = sampling.frames(episode.length, TESTED)
     found = []
-    for view in casting.known(scene.episode):
+    for view in casting.known(episode):
         if not view.camera.fixed:
             continue
         ids = np.stack([view.ids(t) for t in times])  # type: ignore[misc]
         bright = np.stack([view.rgb(t).max(-1) for t in times]).astype(np.float32) / 255
-        rests = (ids == ids[0]).all(0) & ~np.isin(ids[0], sorted(scene.moving))
+        rests = (ids == ids[0]).all(0) & ~np.isin(ids[0], sorted(moving))
         rests &= np.all([lit.inside(one) for one in ids], axis=0)
         high, low = bright.max(0), bright.min(0)
         told = rests & (high > DARK)
@@ -211,14 +242,7 @@ class _Fitter:
             if not chosen:
                 return None
             weights, _ = self._weigh([self._term(one, casting.CELL) for one in chosen])
-        up = 1 + sum(weight * one[2] for weight, one in zip(weights, chosen, strict=True))
-        return Rig(
-            round(1 / float(up), 5),
-            tuple(
-                (round(float(x), 5), round(float(y), 5), round(float(z), 5)) for x, y, z in chosen
-            ),
-            tuple(round(float(weight / up), 5) for weight in weights),
-        )
+        return _level(1.0, [(one[0], one[1], one[2]) for one in chosen], weights)
 
     def _bettered(
         self, directions: list[np.ndarray], steps: Sequence[float], cell: float

@@ -9,10 +9,11 @@ In photographs there is light from all sides too, and what is put in keeps a par
 simulator's renderer has nothing of the kind; so this is done only for sources without masks, which simulators have.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,7 +22,8 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug.core import geometry, sampling
 from rpaug.core.memo import bare, once
 from rpaug.core.pixels import grown
-from rpaug.core.types import Body, Scene, Surface
+from rpaug.core.types import Body, Relit, Rig, Scene, Surface
+from rpaug.scene.lighting import light, rig
 from rpaug.scene.placement import free_space, placing
 from rpaug.scene.placement.placing import hull, points_by_instance_id, points_of
 
@@ -128,12 +130,45 @@ class _SupportPlane:
     shape: tuple[int, int]
 
 
-def lamps(scene: Scene) -> list[list[float]]:
-    """Directions to the lamps that cast shadows on the table, and the share of light that each takes: (x, y, z, share).
+def relit(scene: Scene) -> Relit | None:
+    """The lamps whose shadows the scene shows, recorded and now; None where moving shadows do not tell them."""
+    if scene.relit is not None:
+        return scene.relit
+    known = rig.find(scene)
+    return None if known is None else Relit(known, known, unlit=light.unlit(scene.episode))
 
-    Empty where the recording has no shadows, or no fixed camera saw a table to see them on.
+
+Cast = Mapping[str, Any] | Sequence[Sequence[float]]
+"""The lamps that cast the recorded shadows, as plain values: all that light the scene (`Rig`), or those that are told
+by the table's shadows alone, each by its direction and the share of light that it takes there."""
+
+
+def lamps(scene: Scene) -> Cast:
+    """The lamps that an edited thing's shadow follows.
+
+    Those of the whole scene where moving shadows tell them. Else directions to the lamps that cast shadows on the
+    table, and the share of light that each takes: (x, y, z, share). Empty where the recording has no shadows, or no
+    fixed camera saw a table to see them on.
     """
+    known = relit(scene)
+    return of_table(scene) if known is None else plain(known.recorded)
+
+
+def of_table(scene: Scene) -> list[list[float]]:
+    """Lamps by the shadows on the table alone."""
     return _lamps(bare(scene))
+
+
+def plain(lamps: Rig) -> dict[str, Any]:
+    """Lamps as plain values."""
+    directions = [list(one) for one in lamps.directions]
+    return {"ambient": lamps.ambient, "directions": directions, "strengths": list(lamps.strengths)}
+
+
+def rig_of(cast: Mapping[str, Any]) -> Rig:
+    """Lamps from plain values."""
+    directions = tuple((float(x), float(y), float(z)) for x, y, z in cast["directions"])
+    return Rig(float(cast["ambient"]), directions, tuple(map(float, cast["strengths"])))
 
 
 @once
@@ -216,8 +251,12 @@ def _mean(light: Float64[np.ndarray, "k r c"]) -> Float64[np.ndarray, "r c"]:
     return np.divide(np.nansum(light, 0), count, out=np.full(count.shape, np.nan), where=count > 0)
 
 
-def follow(before: Scene, after: Scene, cast: Sequence[Sequence[float]]) -> Scene:
+def follow(before: Scene, after: Scene, cast: Cast) -> Scene:
     """The edited scene with the shadows of what was edited where the things are now. `cast` are `lamps`."""
+    if isinstance(cast, Mapping):
+        known = rig_of(cast)
+        unlit = light.unlit(before.episode)
+        return replace(after, relit=before.relit or Relit(known, known, unlit=unlit))
     table = _table(before, CELL) if cast else None
     if table is None:
         return after

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rpaug.core.types import Mesh
 from rpaug.scene.lighting import casting
 
 
@@ -44,23 +45,36 @@ def test_nothing_casts_no_shadow():
 
 def test_maps_of_one_time_are_drawn_once_and_are_those_drawn_anew():
     still = np.broadcast_to(np.eye(4), (300, 4, 4))
-    them = casting.Casters(((still, plate(0.1, 0.1)),))
+    them = casting.Casters({1: (still, plate(0.1, 0.1))})
     lamps = ((0.0, 0.6, 0.8), (0.6, 0.0, 0.8))
     found = them.maps(3, lamps)
-    assert them.maps(3, lamps) is found
+    assert all(a is b for a, b in zip(them.maps(3, lamps), found, strict=True))
     for one, direction in zip(found, lamps, strict=True):
         anew = casting.light_map(them.at(3), np.array(direction))
         assert one.height.tobytes() == anew.height.tobytes()
-    assert len(them.maps(3, lamps[:1])) == 1  # other lamps, other maps
+    assert them.maps(3, lamps[1:]) == found[1:]  # one lamp's does not hang on the others
 
 
 def test_only_the_last_maps_are_kept():
     still = np.broadcast_to(np.eye(4), (300, 4, 4))
-    them = casting.Casters(((still, plate(0.1, 0.02)),))
-    first = them.maps(0, ((0.0, 0.0, 1.0),))
+    them = casting.Casters({1: (still, plate(0.1, 0.02))})
+    (first,) = them.maps(0, ((0.0, 0.0, 1.0),))
     for t in range(1, casting.KEPT + 1):
         them.maps(t, ((0.0, 0.0, 1.0),))
-    assert them.maps(0, ((0.0, 0.0, 1.0),)) is not first
+    assert them.maps(0, ((0.0, 0.0, 1.0),))[0] is not first
+
+
+def test_a_mesh_casts_what_its_surface_hides():
+    corners = np.array([[-1, -1, 0.1], [1, -1, 0.1], [1, 1, 0.1], [-1, 1, 0.1]]) * [0.05, 0.05, 1]
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    up = np.tile([0.0, 0.0, 1.0], (4, 1))
+    lid = casting.of_mesh(Mesh(corners, up, up[:, :2], faces, np.zeros((1, 1, 3), np.uint8)))
+    assert (lid.normals == np.array([0, 0, 1], np.float32)).all()
+    floor = plate(0.0, 0.6)
+    lit = casting.light_map(lid, np.array([0.0, 0.0, 1.0])).reached(floor)
+    far = np.abs(floor.points[:, :2]).max(1)
+    assert (lit[far < 0.045] == 0).all()
+    assert (lit[far > 0.05 + 1.5 * casting.CELL] == 1).all()
 
 
 def test_the_cross_product_is_numpys():

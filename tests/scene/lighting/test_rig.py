@@ -8,7 +8,7 @@ import pytest
 from analytic import TABLE, scene, seen_by
 
 from rpaug.assets import library
-from rpaug.core.types import Body, Scene
+from rpaug.core.types import Body, Rig, Scene
 from rpaug.scene.lighting import intrinsic, rig
 from rpaug.scene.recorded import lit
 
@@ -69,3 +69,29 @@ def test_a_real_recording_without_cast_shadows_is_left_alone(real: Scene) -> Non
         assert (told is None) == (before is None)
         if told is not None and before is not None:
             assert told.tobytes() == before.tobytes()
+
+
+LAMPS = Rig(0.4, ((0.6, 0.0, 0.8), (0.0, -0.8, 0.6)), (0.45, 0.4))
+UP = np.array([[0, 0, 1]], np.float32)
+
+
+def test_lamps_turn_together_and_stay_above_the_horizon() -> None:
+    turned = np.array(rig.turned(LAMPS, np.pi / 2, 1.0).directions)
+    np.testing.assert_allclose(turned, [[0, 0.6, 0.8], [0.8, 0, 0.6]], atol=1e-12)
+    low = np.array(rig.turned(LAMPS, 0.0, 0.01).directions)
+    np.testing.assert_allclose(low[:, 2], rig.LOWEST)
+    high = np.array(rig.turned(LAMPS, 0.0, 5.0).directions)
+    np.testing.assert_allclose(high[:, 2], 1)
+
+
+def test_lamps_that_are_given_light_level_ground_by_one() -> None:
+    given = rig.with_ambient(rig.nearest_at(LAMPS, np.array([0.0, -0.6, 0.8])), 0.2)
+    assert given.directions == (LAMPS.directions[0], (0.0, -0.6, 0.8))
+    assert given.light(UP, [1.0, 1.0]) == pytest.approx(1, abs=1e-4)
+    assert given.ambient / (given.ambient + sum(given.strengths)) == pytest.approx(0.2, abs=1e-4)
+
+
+def test_shadows_are_looked_for_before_anything_is_tracked(wandering: Scene) -> None:
+    assert rig.shadows_wander(wandering.episode)
+    still = scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH).episode
+    assert not rig.shadows_wander(still)
