@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import boxes
 import numpy as np
@@ -270,6 +271,9 @@ def test_what_comes_up_to_a_thing_was_brought_to_it_and_what_passes_by_was_not()
     assert roles._approached(evidence, 1, 2) == pytest.approx(1 - 0.02 / 0.62)
     assert roles._approached(evidence, 1, 3) == 0  # it went past
     assert roles._approached(evidence, 1, 4) == 0  # it stayed away
+    over: Any = SimpleNamespace(falls=lambda _, t: {2: 1.0} if t == 0 else {3: 1.0})
+    assert roles._brought(evidence, over, 1, 3)[0] == 0.8  # it ends above that one
+    assert roles._brought(evidence, over, 1, 2)[0] < 0.8  # and began above the other
 
 
 def test_what_a_pit_shows_carries_less_than_the_plate_around_it() -> None:
