@@ -13,7 +13,7 @@ from rpaug.core import geometry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Scene, Surface
 from rpaug.gaussians import gaussian_view, gaussians
-from rpaug.gaussians.fit import FitSettings, fit, psnr, ssim
+from rpaug.gaussians.fit import Begun, FitSettings, fit, psnr, ssim
 from rpaug.gaussians.gaussians import LiftedImage, Placement
 from rpaug.gaussians.seeds import seeds
 from rpaug.render.splat import Gradients, Splats
@@ -189,3 +189,23 @@ def test_psnr_and_ssim_of_known_pairs() -> None:
     assert ssim(image, image) == pytest.approx(1)
     assert psnr(np.zeros_like(image), np.full_like(image, 255)) == 0
     assert ssim(image, 255 - image) < 0
+
+
+def test_what_was_fitted_and_what_was_held_out_are_told_apart(
+    placed: tuple[World, Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, scene = placed
+    fitted = {0, scene.episode.length - 1}
+
+    def judged(shown: Scene, times: list[int], threads: int) -> np.ndarray:
+        db = [30.0 if t in fitted else 20.0 for t in times]
+        return np.tile(np.array(db)[:, None, None], (1, len(shown.episode.views), 3))
+
+    monkeypatch.setattr("rpaug.gaussians.fit.judged", judged)
+    monkeypatch.setattr(
+        "rpaug.gaussians.fit._descended",
+        lambda shown, begun, *_: (replace(shown, gaussians=begun.gaussians), 0),
+    )
+    _, report = fit(scene, settings=FitSettings(train_frames=2), begun=Begun(seeds(scene)))
+    assert (report.train_db, report.held_out_db) == (30.0, 20.0)
+    assert 20 < report.fixed_db < 30

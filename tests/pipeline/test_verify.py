@@ -5,6 +5,8 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -15,10 +17,11 @@ from typer.testing import CliRunner
 
 from rpaug import BadInput
 from rpaug.cli import app
+from rpaug.core.interfaces import Adapter
 from rpaug.pipeline import recipe
 from rpaug.pipeline.augment import Run, execute
 from rpaug.pipeline.convert import convert
-from rpaug.pipeline.verify import Finding, compare, verify
+from rpaug.pipeline.verify import Finding, _kept, compare, verify
 
 EPISODES = "roll_ball/all_variations/episodes"
 RECIPE = {"version": 1, "edits": [{"op": "recolor", "target": {"handle": 300}, "color": "blue"}]}
@@ -134,6 +137,13 @@ def test_tampering_is_found(
 ) -> None:
     tamper(output / EPISODES / "episode1")
     assert topic in {finding.topic for finding in bad(output, template)}
+
+
+def test_data_that_is_gone_new_or_changed_is_named() -> None:
+    adapter = cast(Adapter, SimpleNamespace(untouched=lambda held, _: held))
+    before, after = ({"a": b"1", "b": b"2", "c": b"3"}, {"a": b"1", "c": b"4", "d": b"5"})
+    found = _kept(adapter, "k", cast(Any, before), cast(Any, after), {"draws": []})
+    assert [one.message.split(",")[0] for one in found] == ["b: gone", "c: changed", "d: new"]
 
 
 def test_another_dataset_than_the_source_is_refused(

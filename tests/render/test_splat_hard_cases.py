@@ -211,6 +211,17 @@ def test_full_opacity_is_held_and_has_no_gradient_there(backend):
     assert np.abs(gradients(opaque, centred, backend)["opacities"]).max() == 0
 
 
+def test_a_splat_that_is_quite_opaque_may_get_thinner():
+    """Where its alpha is not held it has its gradient up to 1 itself; beyond, it is drawn as 1."""
+    just, quite, more = (
+        gradients(one(scale=0.3, opacity=opacity), view(9, 9, 20.0), "numba")["opacities"]
+        for opacity in (0.999, 1.0, 1.001)
+    )
+    assert abs(quite[0]) > 1
+    np.testing.assert_allclose(quite, just, rtol=1e-3)
+    assert more[0] == 0
+
+
 @backends
 def test_two_splats_that_end_the_light_exactly(backend):
     """Light falls to 1e-4 to within rounding: either both are drawn or the first alone, forward as backward."""

@@ -103,6 +103,13 @@ def test_frames_that_a_model_missed_are_filled(where: Where) -> None:
         assert (got & true).sum() / (got | true).sum() > (0.95 if where is rests else 0.7), t
 
 
+def test_a_mask_is_carried_from_the_nearer_side_of_a_gap() -> None:
+    made = found({"thing": seen(moves, [0, 1, 2, 3, 4, 9, 10, 11])})
+    for t in (5, 6, 7, 8):
+        true, got = square(moves(t)), made.at("a", t) > 0
+        assert (got & true).sum() / (got | true).sum() > 0.9, t
+
+
 def test_a_thing_is_there_before_it_was_seen_first_if_it_rests() -> None:
     made = found({"cup": seen(rests, [3, 4, 5, 6]), "block": seen(moves, [3, 4, 5, 6])})
     (cup,), (block,) = made.names["cup"], made.names["block"]

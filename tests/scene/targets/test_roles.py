@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import boxes
 import numpy as np
@@ -270,6 +271,24 @@ def test_what_comes_up_to_a_thing_was_brought_to_it_and_what_passes_by_was_not()
     assert roles._approached(evidence, 1, 2) == pytest.approx(1 - 0.02 / 0.62)
     assert roles._approached(evidence, 1, 3) == 0  # it went past
     assert roles._approached(evidence, 1, 4) == 0  # it stayed away
+    over: Any = SimpleNamespace(falls=lambda _, t: {2: 1.0} if t == 0 else {3: 1.0})
+    assert roles._brought(evidence, over, 1, 3)[0] == 0.8  # it ends above that one
+    assert roles._brought(evidence, over, 1, 2)[0] < 0.8  # and began above the other
+
+
+def test_of_things_that_are_touched_alike_the_largest_receives() -> None:
+    still, none = np.tile(np.eye(4), (4, 1, 1)), np.zeros((1, 3))
+    things = {}
+    for h, at, side in ((1, 0.0, 0.02), (2, 0.1, 0.08), (3, -0.05, 0.03)):
+        middle, half = np.array([at, 0.0, 0.0]), np.full(3, side)
+        body = Body(frozenset([h]), still, "aligned", 0.0)
+        things[h] = Thing(h, body, none, none, middle - half, middle + half)
+    gaps = np.full((4, 3, 3), 0.1)
+    gaps[:, 0, 1:] = gaps[:, 1:, 0] = 0  # the first touches both others
+    evidence = Evidence(things, SimpleNamespace(frames=np.arange(4)), None, gaps)  # type: ignore[arg-type]
+    ground: Any = SimpleNamespace(falls=lambda *_: {}, hangs=lambda _: False)
+    found = roles._receiver(evidence, ground, {1}, {1}, ())
+    assert (found.instance_ids, found.confidence) == ({2}, 1.0)
 
 
 def test_what_a_pit_shows_carries_less_than_the_plate_around_it() -> None:

@@ -91,8 +91,13 @@ def test_what_other_joints_move_is_left_out(truth: tuple) -> None:
     assert len(truth[0].bodies) == 4  # neither the floor nor the finger
 
 
-def test_parts_are_found_where_they_were(file: Path, episode: Episode, truth: tuple) -> None:
-    parts, said = robot_model.found(file, episode)
+@pytest.mark.parametrize("zeros", [(0.0, 0.0, 0.0), (0.0, -0.25, 0.3)], ids=["same", "others"])
+def test_parts_are_found_where_they_were(
+    file: Path, episode: Episode, truth: tuple, zeros: tuple[float, ...]
+) -> None:
+    """Whatever an encoder's zero is beside the file's."""
+    robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + zeros)
+    parts, said = robot_model.found(file, replace(episode, robot=robot))
     assert said == ""
     assert [part.instance_id for part in parts] == [1, 2, 3, 4]
     for part, true in zip(parts, truth[2], strict=True):
