@@ -192,7 +192,7 @@ def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
     """The interval of a share, in per cent."""
     middle = (hits + z * z / 2) / (of + z * z)
     half = z / (of + z * z) * (hits * (of - hits) / of + z * z / 4) ** 0.5
-    return 100 * (middle - half), 100 * (middle + half)
+    return max(0.0, 100 * (middle - half)), min(100.0, 100 * (middle + half))
 
 
 def _row(name: str, bugs: Sequence[PlantedBug], tries: Tries) -> list[pages.Cell]:
@@ -222,7 +222,7 @@ def table(bugs: Iterable[PlantedBug], tries: Tries) -> pages.Table:
         id="planted",
         title="Bugs planted one at a time, noticed by the tests without real recordings",
         command="python -m tools.planted --record",
-        seeds="tools/planted.toml",
+        seeds="first try of each, and the last with the tests since",
         columns=["planted", "bugs", "noticed, %", "95 % interval", "with the tests since, %"],
         rows=rows,
         **pages.stamp(),
@@ -256,7 +256,7 @@ def main() -> None:
             given.out.write_text(json.dumps(tries, indent=1))
             print(f"{bug.part:8}{bug.name:28}{by or 'NOT NOTICED: ' + bug.suffers}", flush=True)
     if given.record:
-        pages.record("house", table(bugs, tries))
+        pages.record("planted", table(bugs, tries))
 
 
 if __name__ == "__main__":

@@ -124,8 +124,10 @@ def test_a_color_belongs_to_what_it_was_said_of() -> None:
 
 
 def test_a_cameras_name_is_no_misspelling() -> None:
-    answer = said_after("blur the fornt camera", (), WishContext(cameras=("fornt", "wrist")))
-    assert answer.edits == ({"op": "sensor_blur", "cameras": ["fornt"]},)
+    """Not even of a word that it is close to."""
+    answer = said_after("blur the eachh camera", (), WishContext(cameras=("eachh", "wrist")))
+    assert answer.edits == ({"op": "sensor_blur", "cameras": ["eachh"]},)
+    assert answer.notes == ()
 
 
 def test_a_least_of_a_channel_leaves_all_above_it() -> None:
