@@ -132,12 +132,12 @@ class Distractors(Operator):
         return added(edit)
 
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
-        near = f"{100 * self.within:.0f} cm of"
+        near = f"{100 * self.within:.0f} cm"
         words = {
-            "path": f"found no room within {near} the gripper's low path",
-            "target": f"found no room within {near} the target",
-            "beyond": f"found no room in the workspace more than {near} target and path",
-            "anywhere": "found no room in the workspace",
+            "path": f"stand elsewhere: no room within {near} of the gripper's low path",
+            "target": f"stand elsewhere: no room within {near} of the target",
+            "beyond": f"stand elsewhere: no room in the workspace over {near} from target and path",
+            "anywhere": "stand elsewhere: no room in the workspace",
         }
         elsewhere = edit.get("elsewhere", {})
         return {
