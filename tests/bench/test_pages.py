@@ -92,9 +92,7 @@ def test_a_missed_target_is_marked() -> None:
 
 def test_a_bench_records_its_table_and_replaces_it(tmp_path: Path) -> None:
     (tmp_path / "benchmarks/results").mkdir(parents=True)
-    (tmp_path / "benchmarks.md").write_text(
-        "# Index\n\n- [](benchmarks/cameras.md)\n"
-    )
+    (tmp_path / "benchmarks.md").write_text("# Index\n\n- [](benchmarks/cameras.md)\n")
     page = tmp_path / "benchmarks/cameras.md"
     page.write_text("# Cameras\n\n<!-- table: moved -->\n<!-- end -->\nProse.\n")
     pages.save("cameras", pages.Topic("Cameras", "{moved|surfels|dB} dB", []), tmp_path)

@@ -23,7 +23,9 @@ from pathlib import Path
 DOCS = Path(__file__).parents[3] / "docs"
 TOPIC = r"^- \[[^]]*\]\(benchmarks/(\w+)\.md\).*$"  # a topic's line in the index
 MARKED = r"(<!-- {} -->\n).*?(<!-- end -->)"
-USUAL = "2 cores"  # the machine that the index describes; where another one measured, its table says so
+USUAL = (
+    "2 cores"  # the machine that the index describes; where another one measured, its table says so
+)
 FIGURE = re.compile(r"\{(.+?)\|(.+?)\|(.+?)\}")  # {table|row|column} in a headline
 COMPARED = {">=": operator.ge, "<=": operator.le}
 SHOWN = {">=": "≥", "<=": "≤"}
