@@ -134,14 +134,15 @@ class Distractors(Operator):
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         near = f"{100 * self.within:.0f} cm"
         words = {
-            "path": f"stand elsewhere: no room within {near} of the gripper's low path",
-            "target": f"stand elsewhere: no room within {near} of the target",
-            "beyond": f"stand elsewhere: no room in the workspace over {near} from target and path",
-            "anywhere": "stand elsewhere: no room in the workspace",
+            "path": f"asked within {near} of the gripper's low path",
+            "target": f"asked within {near} of the target",
+            "beyond": f"asked over {near} from target and path",
+            "anywhere": "asked in the workspace",
         }
         elsewhere = edit.get("elsewhere", {})
         return {
-            words[zone]: (elsewhere.get(zone, 0), n) for zone, n in edit.get("asked", {}).items()
+            f"{words[zone]} stand elsewhere: no room there": (elsewhere.get(zone, 0), n)
+            for zone, n in edit.get("asked", {}).items()
         }
 
     def _stood(self, scene: Scene, choices: tuple[Asset, ...], rng: np.random.Generator) -> Edit:

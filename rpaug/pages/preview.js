@@ -93,11 +93,11 @@ function outline(context, ids, size, scale) {
   for (const [id, [x, y, count]] of sums) {
     const one = all[id - 1];
     if (!one.name || count < 40) continue;
-    context.lineWidth = 4;
-    context.strokeStyle = "#141414";
-    context.strokeText(one.name, x / count * scale, y / count * scale);
-    context.fillStyle = `rgb(${one.color})`;
-    context.fillText(one.name, x / count * scale, y / count * scale);
+    const right = x / count * scale, down = y / count * scale, width = context.measureText(one.name).width;
+    context.fillStyle = "#141414";
+    context.fillRect(right - width / 2 - 3, down - 14, width + 6, 19);
+    context.fillStyle = `rgb(${String(one.color).split(",").map((channel) => (Number(channel) + 255) / 2)})`;
+    context.fillText(one.name, right, down);
   }
 }
 function repaint() {
