@@ -34,13 +34,14 @@ def modules(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports(known: Mapping[str, Path]) -> Graph:
-    """Which known modules each module imports, inside functions as well as at its top."""
-    graph: Graph = {name: set() for name in known}
-    for name, path in known.items():
-        for node in ast.walk(ast.parse(path.read_text())):
-            graph[name].update(_imported(node, known))
-        graph[name].discard(name)
-    return graph
+    """Which known modules each module imports."""
+    return {name: imported(path, known) - {name} for name, path in known.items()}
+
+
+def imported(path: Path, known: Mapping[str, Path]) -> set[str]:
+    """Which known modules a file imports, inside functions as well as at its top."""
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return {name for node in nodes for name in _imported(node, known)}
 
 
 def _imported(node: ast.AST, known: Mapping[str, Path]) -> Iterator[str]:

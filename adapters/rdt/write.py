@@ -1,6 +1,5 @@
 """Writing an episode for RDT: what was recorded with only what changed new, or, from another source, all of it."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,7 +51,7 @@ def _edited(episode: Episode, recorded: RDTSource, path: Path) -> None:
             assert view.depth is not None
             new[place] = [view.depth(t) / np.float32(metres) for t in range(episode.length)]
     if not new:
-        shutil.copyfile(recorded.path, path)
+        files.pass_on(recorded.path, path)
         return
     with opened(recorded.path) as source, h5py.File(path, "w") as target:
         _copy(source, target, "", new)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Float32, Float64, Int32, UInt8
 from rpaug_adapters.rlbench.pickles import Demo, Observation, load
 from rpaug_adapters.shared.held import HeldImages
 
@@ -333,11 +333,20 @@ def _code(folder: Path, name: str, t: int) -> Int32[np.ndarray, "h w"]:
 
 def read_code(path: Path | str, low_first: bool = False) -> Int32[np.ndarray, "h w"]:
     """The integer that an image's channels hold; a single-channel image is that integer."""
-    image = files.decode_png(path).astype(np.int32)
-    if image.ndim == 2:
-        return image
-    first, middle, last = (0, 1, 2) if low_first else (2, 1, 0)
-    return image[..., first] + (image[..., middle] << 8) + (image[..., last] << 16)
+    image = files.decode_png(path)
+    return image.astype(np.int32) if image.ndim == 2 else _joined(image, low_first)
+
+
+@kernel
+def _joined(image: UInt8[np.ndarray, "h w 3"], low_first: bool) -> Int32[np.ndarray, "h w"]:
+    out = np.empty(image.shape[:2], np.int32)
+    low, high = (0, 2) if low_first else (2, 0)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            out[y, x] = (
+                image[y, x, low] | np.int32(image[y, x, 1]) << 8 | np.int32(image[y, x, high]) << 16
+            )
+    return out
 
 
 @kernel

@@ -3,7 +3,6 @@
 import copy
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Set
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -76,7 +75,7 @@ def _copy_unknown(recorded: RLBenchSource, episode: Episode, work: Path) -> None
             load(path)
         else:
             see_no_pickle(path)
-        shutil.copyfile(path, work / place)
+        files.pass_on(path, work / place)
 
 
 def _entries(folder: Path, ours: Set[str] = frozenset()) -> Iterator[Path]:
@@ -246,13 +245,13 @@ def _write_image(
 ) -> None:
     """One PNG: a copy of the recorded file where nothing changed, so that its bytes stay."""
     if recorded and new_image is old_image:
-        shutil.copyfile(recorded, target)
+        files.pass_on(recorded, target)
         return
     image = new_image(t)
     if recorded and old_image:
         before = old_image(t)
         if np.array_equal(image, before):
-            shutil.copyfile(recorded, target)
+            files.pass_on(recorded, target)
             return
     if kind == "depth":
         code = _steps(image, *planes)

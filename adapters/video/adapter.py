@@ -11,7 +11,6 @@ its annotations and report; at the end of a run videos become `<key>.mp4`, the a
 
 import os
 import re
-import shutil
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -110,7 +109,7 @@ class Videos(Adapter):
         with files.atomic_folder(root / key) as work:
             path, said = work / (STAGED + video.path.suffix.lower()), ()
             if view.rgb is recorded.view.rgb and video.whole:
-                shutil.copyfile(video.path, path)
+                files.pass_on(video.path, path)
             else:
                 said = encode.write(path, video, view.rgb)
             stated = recorded.notes.described()

@@ -58,6 +58,10 @@ COMMANDS = {
         "Compare every byte of an output with what was written, and show what was done to one episode. Exit code 1 if\n"
         "something differs.",
     ),
+    "contact": (
+        "contact",
+        "Write a page of an output's episodes: recorded, edited, difference, and what was drawn.",
+    ),
     "stats": (
         "stats",
         "Say how often each factor was drawn and between which values, and what images and robot states come to.",

@@ -26,6 +26,7 @@ from rpaug.cli.console import (
     warn,
     written,
 )
+from rpaug.cli.dry_run import print_plans
 from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
@@ -35,6 +36,13 @@ class Engine(StrEnum):
 
     LOCAL = "local"
     RAY = "ray"
+
+
+class Untouched(StrEnum):
+    """How files that no edit reaches come into the output."""
+
+    COPY = "copy"
+    LINK = "link"
 
 
 # Long: the options of a command are its signature.
@@ -76,6 +84,13 @@ def augment(
         bool, typer.Option(help="Episodes of one place share static Gaussians, through --scenes.")
     ] = False,
     device: OnDevice = DeviceChoice.AUTO,
+    untouched: Annotated[
+        Untouched,
+        typer.Option(
+            help="Files that no edit reaches: copies (clones where the file system has them), or hard links to the "
+            "recorded ones, which take no room; who writes into one then writes into both."
+        ),
+    ] = Untouched.COPY,
     arm: Arms = None,
     models: UsedModels = None,
     ratio: Annotated[
@@ -142,13 +157,14 @@ def augment(
     with written(out, resume) as target, fitted as store:
         run = Run(dataset, loaded, target, tier, store, share, keep_invalid, _ratio(ratio), licence)
         run = replace(run, shard=_shard(shard), device=devices.chosen(device.value).name)
+        run = replace(run, linked=untouched is Untouched.LINK)
         if dry_run:
-            return _dry_run(run, resume, as_json)
+            return print_plans(run, resume, as_json)
         with progress_bar("augmenting", as_json) as progress:
             summary = execute(run, resume=resume, progress=progress, **how)
         code = summary.exit_code
         described = {**vars(summary), "out": out}
-        if summary.copies and shard is None:
+        if summary.copies and shard is None and not summary.stopped:
             code = max(code, contact_sheet(run, described))
         elif summary.failures or summary.aborted:
             described["error"] = summary.aborted or next(iter(summary.failures.values()))
@@ -199,51 +215,6 @@ def contact_sheet(run: Any, described: dict[str, Any]) -> int:
         described["contact_sheet"], described["contact_sheet_error"] = None, str(error)
         return 1
     return 0
-
-
-def _dry_run(run: Any, resume: bool, as_json: bool) -> int:
-    """What a run would do. Images are looked at only to measure errors, where the recipe states an accuracy."""
-    from rpaug.pipeline import plan, prepare
-    from rpaug.pipeline.augment import check
-
-    check(run, resume)
-    plans, costs, failed = [], [], {}
-    lines: dict[str, list[str]] = {}
-    for key in run.keys:
-        try:
-            episode = run.adapter.read(run.source, key)
-            made = prepare.planned(episode, run.recipe, run.tier)
-        except RpaugError as error:
-            failed[key] = str(error)
-            continue
-        cost = made.cost(episode, len(run.copies))
-        costs.append(cost)
-        own = {name: round(value, 3) for name, value in cost.items()}
-        plans.append({"episode": key, "frames": episode.length, **made.describe(), "estimate": own})
-        lines[key] = [str(region) for region in made.regions if region.met is not None]
-    total = {name: round(value, 1) for name, value in plan.total(costs).items()}
-    described = {"copies": len(run.copies), "plans": plans, "unreadable": failed, "estimate": total}
-    if as_json:
-        print_json(described)
-        return 2 if not plans else 1 if failed else 0
-    for one in plans:
-        representations = ", ".join(sorted(set(one["carriers"].values())))
-        bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
-        about = "about {seconds:.1f} s, {megabytes:.1f} MB".format(**one["estimate"])
-        say(
-            f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}"
-        )
-        for line in [*lines[one["episode"]], *one.get("assumed", [])]:
-            say(f"  {line}")
-        for line in one.get("warnings", []):
-            warn("  warning", line)
-    for key, reason in failed.items():
-        warn("would skip", f"{key}: {reason}")
-    say(
-        f"{len(plans) * len(run.copies)} copies, about {total['seconds']} s on one core and "
-        f"{total['megabytes']} MB. Nothing was written."
-    )
-    return 2 if not plans else 1 if failed else 0
 
 
 def _alike(reasons: dict[str, str]) -> list[tuple[list[str], str]]:

@@ -4,7 +4,6 @@ Every command prints for people, or with --json for programs. Exit codes: 0 done
 skipped; 2 nothing was done, and one line says why.
 """
 
-import errno
 import json
 import os
 import sys
@@ -18,11 +17,10 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from rpaug.core.errors import BadInput, RpaugError
+from rpaug.core.errors import BadInput, RpaugError, of_the_machine
 from rpaug.core.visible import visible
 
 RESUME = "the same command with --resume goes on"
-FULL = {errno.ENOSPC, errno.EDQUOT}
 console = Console(stderr=True, emoji=False)
 
 
@@ -130,12 +128,10 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
         try:
             _there(kwargs.get("dataset"))
             code = command(*args, **kwargs)
-        except RpaugError as error:
-            code = fail(str(error), kwargs.get("as_json", False))
-        except OSError as error:
-            place = f"{error.filename}: " if error.filename else ""
-            hint = again if error.errno in FULL else ""
-            code = fail(f"{place}{error.strerror or error}{hint}", kwargs.get("as_json", False))
+        except (RpaugError, OSError) as error:
+            machine = of_the_machine(error)
+            words = f"{_words(machine)}{again}" if machine else _words(error)
+            code = fail(words, kwargs.get("as_json", False))
         except KeyboardInterrupt:
             words = f"stopped; what is in an output folder is whole{again}"
             code = fail(words, kwargs.get("as_json", False))
@@ -152,6 +148,13 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
         raise typer.Exit(code)
 
     return run
+
+
+def _words(error: Exception) -> str:
+    if not isinstance(error, OSError):
+        return str(error)
+    place = f"{error.filename}: " if error.filename else ""
+    return f"{place}{error.strerror or error}"
 
 
 def _there(dataset: Path | None) -> None:

@@ -27,6 +27,7 @@ __all__ = [
     "simulation",
     "splits",
     "types",
+    "untouched",
     "validation",
     "version",
     "visible",

@@ -1,7 +1,7 @@
 """Color names, the Lab space in which colors are compared, and the typical color of some pixels."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import numpy as np
@@ -180,6 +180,11 @@ def from_hex(text: str) -> tuple[float, float, float] | None:
     digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
     red, green, blue = bytes.fromhex(digits)
     return red / 255, green / 255, blue / 255
+
+
+def to_hex(color: Sequence[float]) -> str:
+    """Display sRGB in 0..1 as `#ff8000`."""
+    return "#" + bytes(round(255 * min(max(float(one), 0), 1)) for one in color).hex()
 
 
 def canonical(word: str) -> str | None:

@@ -1,8 +1,25 @@
 """What can go wrong, said in one line: where, what was found, and what would have been right."""
 
+import errno
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+
+MACHINE = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE,
+}  # fmt: skip
+"""Numbers of system errors that are no file's fault: what is done next fails alike."""
+
+
+def of_the_machine(error: BaseException | None) -> OSError | None:
+    """What of the machine is behind an error, whatever that was made of on its way: a reader's words about a file that
+    could not be opened say nothing of the file."""
+    found = MACHINE
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in found:
+            return error
+        error, found = error.__context__, MACHINE - {errno.EIO}  # a bad sector is the file's
+    return None
 
 
 def there_are(given: str, known: Iterable[str]) -> str:

@@ -2,8 +2,9 @@
 
 `rpaug.files` to whoever writes an adapter, who may rely on the names in `__all__`: `see_inside` for paths of a dataset
 before they are read, `read_bytes` and `write_atomic` for whole files, `atomic_folder` for an episode that appears by
-one rename, `natural` for the order of keys, `check_*` for the size of an image before anything is allocated for it,
-`decode_*` and `encode_*` for its pixels. What cannot be read raises `BadInput`.
+one rename, `pass_on` for files that stay as they are, `natural` for the order of keys, `check_*` for the size of an
+image before anything is allocated for it, `decode_*` and `encode_*` for its pixels. What cannot be read raises
+`BadInput`.
 """
 
 import errno
@@ -28,6 +29,7 @@ from rpaug.core.errors import BadInput
 from rpaug.core.png import MAX_SIDE, Png
 from rpaug.core.png import check as check_png
 from rpaug.core.png import encode as encode_png
+from rpaug.core.untouched import pass_on
 
 __all__ = [
     "MAX_SIDE",
@@ -44,6 +46,7 @@ __all__ = [
     "encode_png",
     "flush",
     "natural",
+    "pass_on",
     "read_bytes",
     "see_inside",
     "write_atomic",

@@ -6,6 +6,7 @@ Light: a child loads this alone before it has an eye on its parent.
 
 import errno
 import fcntl
+import getpass
 import json
 import os
 import socket
@@ -62,7 +63,8 @@ def _held(path: Path, target: Path) -> tuple[int, bool]:
         except FileNotFoundError:
             same = False
         if same:  # else its owner has just gone, and the file with it
-            facts = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.time()}
+            facts = {"user": _user(), "host": socket.gethostname(), "pid": os.getpid()}
+            facts["since"] = time.time()
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, json.dumps(facts).encode(), 0)
             return descriptor, True
@@ -73,10 +75,18 @@ def _who(descriptor: int) -> str:
     """Who holds a lock, in words."""
     try:
         facts = json.loads(os.pread(descriptor, 4096, 0))
-        minutes = (time.time() - facts["since"]) / 60
-        return f"process {facts['pid']} of {facts['host']}, for {minutes:.0f} minutes,"
+        minutes = max(0.0, time.time() - facts["since"]) / 60  # a clock may have been set back
+        where = f"process {facts['pid']} of {facts['user']} on {facts['host']}"
+        return f"{where}, for {minutes:.0f} minutes,"
     except (OSError, ValueError, TypeError, KeyError):
         return "another process"
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a number without a name, as containers have
+        return str(os.getuid())
 
 
 def child(module: str, function: str, *given: Any) -> None:

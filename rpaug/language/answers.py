@@ -50,6 +50,7 @@ class WishSettings(Message):
     seed: int | None = Field(ge=0, lt=2**53)
     limit: int | None = Field(ge=1)
     keep_originals: bool | None
+    paraphrases: int | None = Field(ge=1, le=20)
     gates: Gates | None
 
     def entries(self) -> dict[str, Any]:
@@ -57,6 +58,7 @@ class WishSettings(Message):
         named = {"copies": self.copies, "seed": self.seed, "keep_originals": self.keep_originals}
         out: dict[str, Any] = {key: value for key, value in named.items() if value is not None}
         out |= {"select": {"limit": self.limit}} if self.limit is not None else {}
+        out |= {"instructions": {"paraphrases": self.paraphrases}} if self.paraphrases else {}
         return out | ({"gates": self.gates.model_dump(exclude_defaults=True)} if self.gates else {})
 
 
@@ -180,7 +182,9 @@ def _settled(settings: WishSettings | None) -> None:
     numbers |= {count for word, count in COUNTS.items() if word in said}
     numbers |= {one / 100 for one in numbers}  # percent
     gates = settings.gates.model_dump(exclude_unset=True) if settings.gates else {}
-    given = {name: getattr(settings, name) for name in ("copies", "seed", "limit")} | gates
+    given = {
+        name: getattr(settings, name) for name in ("copies", "seed", "limit", "paraphrases")
+    } | gates
     for name, value in given.items():
         if name in gates and (value is None or isinstance(value, bool)):
             unsaid = not any(word in said for word in ("gate", "check", *name.split("_")))

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from rpaug.core import geometry
+from rpaug.core import color_space, geometry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.files import encode_png
 from rpaug.core.pixels import grown
@@ -53,6 +53,7 @@ class Recording:
         found = []
         for row, group in zip(rows, groups, strict=True):
             facts: dict[str, Any] = {"id": row.instance_id, "color": row.color_name}
+            facts |= {"rgb": color_space.to_hex(row.color)}
             shown = albedo.words(scene.episode, row.instance_id) if row.role != "robot" else ()
             facts |= {"shows": list(shown)} if len(shown) > 1 else {}
             facts |= {"role": row.role} if row.role else {}

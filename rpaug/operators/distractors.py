@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -68,7 +68,7 @@ class Alike:
 
 @dataclass(frozen=True, kw_only=True)
 class Distractors(Operator):
-    """Insert `count` things drawn from the library, any that fits as likely; see `insert`.
+    """Insert `count` things drawn from the library, any that fits as likely; painted and scaled as `insert` does.
 
     `near` gives the shares of them that stand `within` so many metres of the gripper's low path and of the target;
     the others stand farther from both. A word means all of them, `anywhere` any free place. They stand in the
@@ -116,11 +116,7 @@ class Distractors(Operator):
         harmonise.ready(self.harmoniser)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        if self.assets is not None:
-            choices = tuple(library.get(name) for name in self.assets)
-        else:
-            choices = library.find(self.category, self.color, self.size)
-        edit = self._stood(scene, choices, rng)
+        edit = self._stood(scene, self._offered(), rng)
         if not self.harmonise:
             return {**edit, **AS_IT_COMES}
         return suited(scene, {**edit, **light(scene)}, self.harmoniser)
@@ -145,7 +141,17 @@ class Distractors(Operator):
             for zone, n in edit.get("asked", {}).items()
         }
 
-    def _stood(self, scene: Scene, choices: tuple[Asset, ...], rng: np.random.Generator) -> Edit:
+    def _offered(self) -> Alike:
+        """What the recipe lets be drawn: assets as they are, or what comes to category, color and size."""
+        if self.assets is not None:
+            return Alike(tuple(library.get(name) for name in self.assets))
+        choices, paint = library.closest(self.category, self.color, self.size)
+        if self.size is None:
+            return Alike(choices, color=paint)
+        longest = {one.name: float(np.clip(one.largest, *self.size)) for one in choices}
+        return Alike(choices, {one.name: longest[one.name] / one.largest for one in choices}, paint)
+
+    def _stood(self, scene: Scene, offered: Alike, rng: np.random.Generator) -> Edit:
         """Things where they stand, and of which zones some found no room and stand `elsewhere`."""
         target = zones.acted_on(scene)
         if self.like and not target:
@@ -164,7 +170,7 @@ class Distractors(Operator):
             if number % self.groups == 0:
                 wanted, group = self._wanted((start + number / self.count) % 1), None
             asked[wanted] += 1
-            alike = self._alike(scene, target, choices, rng)
+            alike = self._alike(scene, target, offered, rng)
             for zone, beside in self._order(wanted, group):
                 close = MARGIN if zone == "anywhere" and beside is None else CLOSE
                 stood = _stood_in(room, found[zone], beside, close, alike, views, self.hides, rng)
@@ -208,20 +214,20 @@ class Distractors(Operator):
         self,
         scene: Scene,
         target: frozenset[int],
-        choices: tuple[Asset, ...],
+        offered: Alike,
         rng: np.random.Generator,
     ) -> Alike:
-        """What to draw from so that a thing is like the target as it was recorded."""
+        """What to draw from so that a thing is like the target as it was recorded, where it shall be."""
         like = str(rng.choice(["color", "shape"])) if self.like == "target" else self.like
         if like == "color":
-            painted = tuple(asset for asset in choices if not asset.gaussians)
+            painted = tuple(asset for asset in offered.choices if not asset.gaussians)
             pixels = [albedo.pixels(scene.episode, one) for one in sorted(target)]
             red, green, blue = albedo.estimate(np.concatenate(pixels)).rgb
-            return Alike(painted, color=(red, green, blue))
+            return replace(offered, choices=painted, color=(red, green, blue))
         if like == "shape":
             size = np.array(size_cm(points_of(scene, target))) / 100
-            return _shaped(choices, size, self.size)
-        return Alike(choices)
+            return replace(_shaped(offered.choices, size, self.size), color=offered.color)
+        return offered
 
 
 def _shaped(

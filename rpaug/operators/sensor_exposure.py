@@ -14,6 +14,9 @@ from rpaug.core.interfaces import Edit, Examples
 from rpaug.operators.fields import Interval
 from rpaug.operators.sensing import Sensing
 
+Factor = Annotated[float, Field(gt=0, le=8)]
+Factors = tuple[Factor, Factor, Factor]
+
 
 @dataclass(frozen=True)
 class Exposure:
@@ -44,12 +47,12 @@ class Exposure:
 class SensorExposure(Sensing):
     """Draw the change in stops (photographic doublings of light) from `stops`; all frames get the same.
 
-    `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it; `gamma` the power to
-    which what is displayed is raised.
+    `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it: between two numbers,
+    or between two of each channel's own. `gamma` is the power to which what is displayed is raised.
     """
 
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
-    gain: Interval[Annotated[float, Field(gt=0, le=8)]] = (1.0, 1.0)
+    gain: Interval[Factor] | tuple[Factors, Factors] = (1.0, 1.0)
     gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
 
     makes: ClassVar = Exposure
@@ -65,14 +68,24 @@ class SensorExposure(Sensing):
             "each camera off by up to half a stop and 5 % of white balance",
             {"stops": [-0.5, 0.5], "gain": [0.95, 1.05], "each": True},
         ),
+        (
+            "a bluish cast in the wrist camera alone",
+            {"stops": [0, 0], "gain": [[0.9, 1, 1.15], [0.9, 1, 1.15]], "cameras": ["wrist"]},
+        ),
     )
     undone_as: ClassVar[tuple[str, ...]] = ("exposure",)
     settles: ClassVar[str] = "sensor exposure"
 
+    def __post_init__(self) -> None:
+        low, high = np.array(self.gain)
+        if np.any(low > high):
+            raise ValueError(f"gain: low {self.gain[0]} exceeds high {self.gain[1]}")
+
     def draw(self, rng: np.random.Generator) -> Edit:
         drawn: Edit = {"stops": float(rng.uniform(*self.stops))}
         if self.gain != (1, 1):
-            drawn["gains"] = rng.uniform(*self.gain, 3).tolist()
+            low, high = np.array(self.gain)
+            drawn["gains"] = rng.uniform(low, high, 3).tolist()
         if self.gamma != (1, 1):
             drawn["gamma"] = float(rng.uniform(*self.gamma))
         return drawn

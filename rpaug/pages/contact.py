@@ -1,4 +1,5 @@
-"""The contact sheet: before, after and difference of a few episodes at their key frames, as one HTML page."""
+"""The contact sheet: before, after and difference of a few episodes at their key frames, as one HTML page; and a page
+for each run of twenty-four, so that all can be seen."""
 
 import html
 import json
@@ -12,6 +13,7 @@ import yaml
 from jaxtyping import UInt8
 
 from rpaug.core import keyframes
+from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, write_changed
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
@@ -20,10 +22,12 @@ from rpaug.pages import told
 from rpaug.pages.document import document, facts, figure, jpeg
 from rpaug.pipeline import report
 
-MOST_EPISODES = 8
+MOST_EPISODES = 8  # of the sheet
+ON_A_PAGE = 24  # episodes, recorded ones among them
 MOST_FRAMES = 4
 TILE = 144  # pixels, of one image's height on the sheet
 GAIN = 2  # the difference is shown twice as strong, around grey
+LEGEND = f"<p class=soft>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
 
 
 def sheet(
@@ -39,7 +43,7 @@ def sheet(
 
 def write(adapter: Adapter, source: Path, target: Path) -> Path:
     """The sheet of a finished output folder; returns its path."""
-    keys = [key for key in adapter.episodes(target) if PurePosixPath(key).parts[0] != REJECTED]
+    keys = _keys(adapter, target)
     picked: dict[str, dict[str, Any]] = {}
     for i in np.linspace(0, len(keys) - 1, min(MOST_EPISODES, len(keys))).astype(int):
         for key in (*keys[i:], *reversed(keys[:i])):
@@ -53,13 +57,44 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
         f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>"
-        f"{facts(_facts(summary))}"
-        f"<p class=soft>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
-        f"{''.join(parts)}"
+        f"<p class=soft>They are evenly spread over all. <code>rpaug contact OUT --page 1 --html FILE</code>, up to "
+        f"page {_pages(keys)}, shows every one.</p>"
+        f"{facts(_facts(summary))}{LEGEND}{''.join(parts)}"
         f"<h2>Recipe</h2><details><summary>as YAML</summary><pre tabindex=0>{_yaml(summary['recipe'])}</pre></details>"
     )
     write_changed(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
     return target / report.CONTACT_SHEET
+
+
+def page(adapter: Adapter, source: Path, target: Path, number: int) -> tuple[bytes, int]:
+    """One page of all episodes of an output, counted from 1, and how many there are. Raises BadInput where there is no
+    such page."""
+    keys = _keys(adapter, target)
+    most, first = _pages(keys), (number - 1) * ON_A_PAGE
+    if not 1 <= number <= most:
+        raise BadInput(target, "--page", found=number, expected=f"a page from 1 to {most}")
+    parts = []
+    for key in keys[first : first + ON_A_PAGE]:
+        one = report.of(target / key)
+        if one is None or not one["synthetic"]:
+            parts.append(
+                f"<h2>{html.escape(key)}</h2><p class=soft>recorded, nothing was edited</p>"
+            )
+        else:
+            parts.append(_section(adapter, source, target, key, one))
+    last = first + len(parts)
+    title = f"Episodes {first + 1} to {last} of {len(keys)}"
+    body = f"<h1>{title}</h1><p class=soft>Page {number} of {most}.</p>{LEGEND}{''.join(parts)}"
+    return document(f"rpaug: {title}", body), most
+
+
+def _pages(keys: Sequence[str]) -> int:
+    return -(-len(keys) // ON_A_PAGE)
+
+
+def _keys(adapter: Adapter, target: Path) -> list[str]:
+    """Episodes that were kept."""
+    return [key for key in adapter.episodes(target) if PurePosixPath(key).parts[0] != REJECTED]
 
 
 def key_frames(episode: Episode) -> list[int]:

@@ -101,17 +101,18 @@ def _executed(run: Run, runner: Runner, resume: bool, progress: Progress) -> Sum
 
 
 def finish(run: Run, held: Journal, summary: Summary) -> None:
-    """Gather what is new, and say what all came to. Episodes of a part of a run stay apart, under the numbers that they
-    have in the whole."""
+    """Gather what is new, and say what all came to. Episodes of a part of a run, or of one that the machine stopped,
+    stay apart, under the numbers that they have in the whole."""
+    whole = not (run.shard or summary.stopped)
     for within in output_folder.FOLDERS:
-        if output_folder.stale(held, within) and not run.shard:
+        if output_folder.stale(held, within) and whole:
             output_folder.close_gaps(run, held, within)
             output_folder.gather(run, held, within)
     kept, rejected = (
         journal.facts(run.target, held.made.of(within)) for within in output_folder.FOLDERS
     )
     totals.add_up(summary, run, kept, rejected)
-    if not run.shard:
+    if whole:
         output_folder.write_card(run, held)
     described = vars(summary) | {"dataset": str(run.source.resolve()), **run.marker}
     write_changed(run.target / report.SUMMARY, report.encode(described))

@@ -1,8 +1,8 @@
 """Runs jobs on the machines of a Ray cluster, each in a process of its own within its budget, as on this machine.
 
-Every job is a Ray task, called after its episode. Dataset and output lie on a file system that all nodes see under one
-path; all of them append to the journal. A node that is lost costs what it was at: its jobs are done again on others,
-without the copies that are there already.
+Every job is a Ray task, called after its episode; one that fits or has models on a GPU is given one. Dataset and output
+lie on a file system that all nodes see under one path; all of them append to the journal. A node that is lost costs
+what it was at: its jobs are done again on others, without the copies that are there already.
 """
 
 import logging
@@ -11,6 +11,7 @@ import socket
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,19 @@ from rpaug.pipeline.workers import (
     pooled,
     with_second_tries,
 )
+from rpaug.providers.models_settings import Models
 
 TRIES = 3  # of a job whose node was lost
 LOST = "its node or its Ray worker was lost"
 ANSWER = 10.0  # seconds until a cluster must have answered
 LOOK = 1.0  # seconds between two looks at how large the cluster is
-_process: list[WorkerProcess] = []  # that does the jobs of this Ray worker, one after another
+GPU, VISIBLE = (
+    "GPU",
+    "CUDA_VISIBLE_DEVICES",
+)  # as Ray counts them, and tells a task which one is its own
+NO_GPU = "--device cuda: no node of the cluster has a GPU that Ray knows of"
+_processes: dict[str, list[WorkerProcess]] = {}
+"""The process that does the jobs of this Ray worker one after another, and keeps their models, by the GPU it sees."""
 
 
 def run(
@@ -77,13 +85,21 @@ def _spread(
     ray: Any, jobs: Iterable[Job], lost: list[Lost], budget: Budget, workers: int, alone: bool
 ) -> Iterator[Outcome]:
     """No more tasks are with the cluster than it does at once: little is lost with a node, and memory does not grow
-    with the number of jobs."""
-    task = ray.remote(num_cpus=1, max_retries=0)(done)
+    with the number of jobs. Jobs of a run need the same."""
     todo, again = iter(jobs), list[Job]()
+    if (first := next(todo, None)) is None:
+        return
+    on_gpus = _on_a_gpu(first, GPU in ray.cluster_resources())
+    task = ray.remote(num_cpus=1, num_gpus=int(on_gpus), max_retries=0)(done)
+    todo = chain([first], todo)
     under_way: dict[Any, Job] = {}
     tries: dict[str, int] = {}
     while True:
-        most = workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+        there = ray.cluster_resources()
+        if on_gpus and GPU not in there:
+            yield Outcome(first, 0, NO_GPU, fatal=True)
+            return
+        most = workers or max(1, int(there.get(GPU if on_gpus else "CPU", 1)))
         while len(under_way) < most and (job := again.pop() if again else next(todo, None)):
             ref = task.options(name=job.key).remote(job, budget, alone, Path.cwd(), __version__)
             under_way[ref] = job
@@ -108,6 +124,13 @@ def _spread(
         sweep(one.target)
 
 
+def _on_a_gpu(job: Job, there: bool) -> bool:
+    """Whether a job is given a GPU: it fits on one, or has models that are to be there, or go where one is."""
+    models = Models(**job.recipe.get("models", {}))
+    device = "cpu" if models == Models(device=models.device) else models.device
+    return job.device == "cuda" or device.startswith("cuda") or (device == "auto" and there)
+
+
 def _told(ray: Any, ref: Any, job: Job) -> list[Outcome | Lost]:
     """What came of a task."""
     try:
@@ -128,7 +151,11 @@ def done(job: Job, budget: Budget, alone: bool, folder: Path, version: str) -> l
         os.chdir(folder)
     except OSError as error:
         raise RpaugError(f"{folder}: {error.strerror}: nodes must see the same files") from None
-    lost: list[Lost] = []
+    visible, lost = os.environ.get(VISIBLE, ""), list[Lost]()
+    for other in _processes.keys() - {visible}:  # another GPU is this worker's now
+        for one in _processes.pop(other):
+            one.end()
     within = among(budget, 1 if alone else os.cpu_count() or 1)
     with one_thread_each():
-        return [*pooled([job], lost, within, 1, _process), *lost]
+        kept = _processes.setdefault(visible, [])
+        return [*pooled([job], lost, within, 1, kept), *lost]

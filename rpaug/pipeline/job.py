@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from rpaug.core import progress, registry
+from rpaug.core import progress, registry, untouched
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
@@ -36,6 +36,7 @@ class Job:
     donor: str | None = None  # key of the episode whose static Gaussians are borrowed
     keep_invalid: bool = False  # copies whose recorded actions no longer hold
     device: str = "cpu"  # that fits Gaussians and edits appearance
+    linked: bool = False  # untouched files are hard links to the recorded ones
 
 
 def augment(job: Job) -> Iterator[str]:
@@ -45,7 +46,8 @@ def augment(job: Job) -> Iterator[str]:
     without copies fits what is to lend Gaussians to others, if the plan has any.
     """
     try:
-        yield from _copies(job)
+        with untouched.hard_links(job.linked):
+            yield from _copies(job)
     finally:
         progress.told(job.key, progress.FINISHED)
 

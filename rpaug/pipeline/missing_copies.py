@@ -67,6 +67,7 @@ def job_of(run: Run, key: str, copies: tuple[tuple[int, str], ...]) -> Job:
         run.scenes,
         keep_invalid=run.keep_invalid,
         device=run.device,
+        linked=run.linked,
     )
 
 

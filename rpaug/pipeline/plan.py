@@ -176,12 +176,6 @@ class Plan:
         return {"seconds": seconds, "megabytes": size}
 
 
-def total(costs: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Estimated seconds and megabytes of a run of one worker, from those of its episodes."""
-    found = {name: sum(one[name] for one in costs) for name in ("seconds", "megabytes")}
-    return found | {"seconds": found["seconds"] + SECONDS_START}
-
-
 def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan:
     """The plan for all these operators together, before anything is drawn.
 

@@ -47,6 +47,7 @@ class Run:
     ratio: tuple[int, int] | None = None  # recorded to synthetic episodes, in each group
     licence: str | None = None  # of the source, where it does not say
     device: str = "cpu"  # that fits Gaussians and edits appearance: cpu or cuda
+    linked: bool = False  # untouched files are hard links to the recorded ones, not copies
     shard: tuple[int, int] | None = None  # which part of how many this run makes, from 1
 
     def __post_init__(self) -> None:
@@ -143,6 +144,11 @@ class Summary:
     )  # edits: what, how many of how many
     roles: list[str] = field(default_factory=list)  # that differ between episodes of one task
     missing: bool = False  # aborted since an episode lacked what an edit is made of
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the machine's fault ended the run, so that it is to go on: nothing is gathered yet."""
+        return self.aborted is not None and not self.missing
 
     @property
     def lacked(self) -> list[str]:

@@ -9,10 +9,10 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from rpaug.core import owner, progress
-from rpaug.core.errors import Missing, RpaugError
+from rpaug.core.errors import Missing, RpaugError, of_the_machine
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
 from rpaug.pipeline.run import Budget
@@ -23,11 +23,15 @@ THREAD_VARIABLES = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
 )
-MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EMFILE}
+FORBIDDEN = {errno.EACCES, errno.EPERM}  # of an output, for any episode
 DIED = "a worker died (out of memory?); fewer workers need less"
 LOOK = 0.2  # seconds between two looks at what workers take
 SHARE = 0.9  # of the machine's memory, for all workers
-CGROUP = Path("/sys/fs/cgroup/memory.max")
+OWN_GROUPS = Path("/proc/self/cgroup")
+GROUPS = {
+    "": (Path("/sys/fs/cgroup"), "memory.max"),
+    "memory": (Path("/sys/fs/cgroup/memory"), "memory.limit_in_bytes"),
+}
 
 
 @dataclass(frozen=True)
@@ -110,12 +114,25 @@ def among(budget: Budget, workers: int) -> Budget:
 
 
 def _machine_memory() -> float:
-    """Bytes that this machine has, or that a container is given."""
+    """Bytes that this machine has, or that a container or a Slurm job is given of them."""
     found = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    try:
-        return min(found, float(CGROUP.read_text()))
-    except (OSError, ValueError):  # none, or "max"
-        return found
+    for limit in _limits():
+        with suppress(OSError, ValueError):  # none there, or "max"
+            found = min(found, float(limit.read_text()))
+    return found
+
+
+def _limits() -> Iterator[Path]:
+    """Files that may state a limit: of this process's control groups, of both versions, and of what those lie in."""
+    lines = ["0::/"]
+    with suppress(OSError):
+        lines += OWN_GROUPS.read_text().splitlines()
+    for line in lines:
+        _, kinds, path = line.split(":", 2)
+        if kinds in GROUPS:
+            top, name = GROUPS[kinds]
+            group = PurePosixPath(path.strip("/"))
+            yield from (top / one / name for one in (group, *group.parents))
 
 
 class WorkerProcess:
@@ -244,26 +261,29 @@ def attempt(job: Job) -> Outcome:
     try:
         for _ in augment(job):
             made += 1  # what was written before a failure counts
-    except Missing as error:
-        return Outcome(job, made, str(error), fatal=True, missing=True)
-    except RpaugError as error:
-        return Outcome(job, made, str(error))
-    except MemoryError:
-        return Outcome(job, made, f"{job.key}: out of memory")
-    except OSError as error:
-        fatal = error.errno in MACHINE
-        place = job.target if fatal else error.filename or job.key
-        return Outcome(job, made, f"{place}: {error.strerror or error}", fatal)
     except Exception as error:
-        if os.environ.get("RPAUG_DEBUG"):
-            raise
-        name = type(error).__name__
-        return Outcome(
-            job,
-            made,
-            f"{job.key}: a fault in rpaug ({name}: {error}); RPAUG_DEBUG=1 shows where",
-        )
+        return _failed(job, made, error)
     return Outcome(job, made)
+
+
+def _failed(job: Job, made: int, error: Exception) -> Outcome:
+    """What stopped a job. Raises a fault of ours where it is looked for."""
+    if isinstance(error, Missing):
+        return Outcome(job, made, str(error), fatal=True, missing=True)
+    if machine := of_the_machine(error):
+        return Outcome(job, made, f"{job.target}: {machine.strerror or machine}", fatal=True)
+    if isinstance(error, RpaugError):
+        return Outcome(job, made, str(error))
+    if isinstance(error, MemoryError):
+        return Outcome(job, made, f"{job.key}: out of memory")
+    if isinstance(error, OSError):
+        place = Path(str(error.filename or job.key))
+        closed = error.errno in FORBIDDEN and place.is_relative_to(job.target)
+        return Outcome(job, made, f"{place}: {error.strerror or error}", fatal=closed)
+    if os.environ.get("RPAUG_DEBUG"):
+        raise error
+    words = f"{type(error).__name__}: {error}"
+    return Outcome(job, made, f"{job.key}: a fault in rpaug ({words}); RPAUG_DEBUG=1 shows where")
 
 
 @contextmanager

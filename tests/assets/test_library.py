@@ -219,6 +219,19 @@ def test_words_that_are_no_unicode_need_no_guess(tmp_path):
         assert done.stderr.count("\n") == 1
 
 
+def test_a_corner_beyond_the_last_vertex_is_refused(tmp_path):
+    """Its normals are stated, so nothing else has to look the corner up."""
+    lines = [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    head = ["ply", "format ascii 1.0", "element vertex 3", *lines]
+    head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    rows = [f"{x} {y} 0 0 0 1" for x, y in ((0, 0), (1, 0), (0, 1))]
+    for last, wrong in ((2, False), (3, True)):
+        (tmp_path / "a.ply").write_text("\n".join([*head, *rows, f"3 0 1 {last}", ""]))
+        refused = pytest.raises(BadInput, match="a corner 3 of 3 vertices")
+        with refused if wrong else contextlib.nullcontext():
+            reading.read(tmp_path / "a.ply")
+
+
 def test_a_corner_at_infinity_is_one_line(tmp_path, capfd):
     (tmp_path / "far.obj").write_text("v nan 0 0\nv 1 inf 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(BadInput, match="vertices that are not finite"):

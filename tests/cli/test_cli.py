@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rolling import demonstration
+from rpaug_adapters.rlbench import RLBench
 from rpaug_adapters.rlbench.pickles import dump, load
 from typer.testing import CliRunner
 
@@ -129,6 +131,12 @@ def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
     code, _, err = run("inspect", template, "--episode", "none")
     assert code == 2
     assert "episode1" in err
+
+
+def test_inspect_says_where_a_motion_is_open(tmp_path: Path) -> None:
+    RLBench().write(demonstration(1), tmp_path, "roll/all_variations/episodes/episode0", dict)
+    _, out, _ = run("inspect", tmp_path)
+    assert "static (ambiguous)" in out
 
 
 def test_a_terminal_obeys_nothing_of_a_dataset(template: Path, tmp_path: Path) -> None:

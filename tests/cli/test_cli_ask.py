@@ -70,6 +70,17 @@ def test_it_runs_what_it_showed(data: Path, tmp_path: Path) -> None:
     assert list((tmp_path / "out").rglob("rpaug.json"))
 
 
+def test_the_run_has_the_tier_that_was_asked_for(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[object] = []
+    monkeypatch.setattr(
+        "rpaug.cli.augment.augment", lambda *_, tier, **more: given.append(tier) or 0
+    )
+    ask(data, "blur the images", "--run", "--into", tmp_path / "out", "--tier", "1", "--no-ground")
+    assert given == [1]
+
+
 def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
     (tmp_path / "r.yaml").write_text("mine")
     ask(data, "blur the images", "--out", tmp_path / "r.yaml", code=2)
@@ -94,7 +105,7 @@ def test_a_model_is_asked_and_its_key_is_nowhere(
     assert "cost: 2e-05" in stated
     for text in (stated, out.read_text(), log.read_text()):
         assert KEY not in text
-    assert "wish.v2" in log.read_text()
+    assert "wish.v3" in log.read_text()
 
 
 def test_the_key_is_in_nothing_that_a_run_writes(

@@ -7,13 +7,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import lerobot_samples
 import pytest
 import rlds_samples
+from quick_fits import QUICK, quick_worker
 from runs import GROUP, contents
 from test_cli import run
+
+from rpaug.gaussians import cached
+from rpaug.pipeline import workers
 
 fsspec = pytest.importorskip("fsspec", reason="the extra `remote` is not installed")
 
@@ -38,6 +43,11 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setenv("RPAUG_CACHE", str(tmp_path / "cache"))
     fsspec.filesystem("memory").store.clear()
     return "memory://bucket"
+
+
+def worker_that_fits_nothing(connection: Connection) -> None:
+    vars(cached.fit)["fitted"] = None
+    quick_worker(connection)
 
 
 @pytest.mark.parametrize("kind", ["rlbench", "rlds", "lerobot"])
@@ -69,6 +79,30 @@ def same_bytes(url: str, store: fsspec.AbstractFileSystem, root: str, folder: Pa
     assert noted(folder / "sent") == wanted
     assert store.find(root, detail=True).keys() == before.keys()
     assert run("verify", f"{url}/out/one", "--against", f"{url}/data/in")[0] == 0
+
+
+def test_fitted_scenes_in_a_store_are_found_by_other_machines(
+    template: Path, tmp_path: Path, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, fit in QUICK.items():
+        monkeypatch.setattr(cached, name, fit)
+    monkeypatch.setattr(workers, "_serve", quick_worker)
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    given = ("augment", template, "--recipe", tmp_path / "r.yaml", "--tier", 3)
+    assert run(*given, "--out", tmp_path / "one", "--scenes", tmp_path / "scenes")[0] == 0
+    wanted, scenes = noted(tmp_path / "one"), f"{url}/scenes"
+    assert run(*given, "--out", tmp_path / "two", "--scenes", scenes)[0] == 0
+    assert noted(tmp_path / "two") == wanted
+    store = fsspec.filesystem("memory")
+    sent = store.find("/bucket/scenes", detail=True)
+    assert {name.removeprefix("/bucket/scenes/") for name in sent} == {
+        *contents(tmp_path / "scenes")
+    }
+    shutil.rmtree(tmp_path / "cache")  # as if on another machine
+    monkeypatch.setattr(workers, "_serve", worker_that_fits_nothing)
+    assert run(*given, "--out", tmp_path / "three", "--scenes", scenes)[0] == 0
+    assert noted(tmp_path / "three") == wanted
+    assert store.find("/bucket/scenes", detail=True) == sent
 
 
 def test_folders_by_url_are_the_same_store(template: Path, tmp_path: Path, url: str) -> None:

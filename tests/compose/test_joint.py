@@ -119,6 +119,8 @@ def test_what_cannot_be_laid_into_gaussians_stays_an_edit(sample: Scene) -> None
     assert old not in baking.painted(copied)
     (left,) = baking.baked(copied).appearance
     assert left.instance_ids == frozenset([old])
+    left, last = baking.baked(replace(copied, appearance=(paint, light))).appearance
+    assert (left.instance_ids, last) == (frozenset([old]), light)  # in the order of the edits
 
 
 def test_goals_are_the_recorded_pixels_with_the_paint(sample: Scene) -> None:

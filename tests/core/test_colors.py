@@ -138,6 +138,15 @@ def test_a_washed_out_color_goes_by_its_hue(seen: tuple[int, int, int], word: st
 def test_colors_in_hexadecimal() -> None:
     assert color_space.from_hex("#ff8000") == pytest.approx((1.0, 128 / 255, 0.0))
     assert color_space.from_hex("#F80") == pytest.approx((1.0, 136 / 255, 0.0))
+    assert color_space.to_hex((1.0, 0.5, -0.1)) == "#ff8000"
     assert color_space.from_hex("red") is color_space.from_hex("#ff80") is None
     assert color_space.rgb("#000080") == pytest.approx((0, 0, 128 / 255))
     assert color_space.canonical("#fe0000") == "red"
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [("reddish", "red"), ("bluish", "blue"), ("whitish", "white"), ("greenish", "green")],
+)
+def test_a_shade_is_near_the_color_that_it_is_spelled_by(word: str, name: str) -> None:
+    assert color_space.canonical(word) == name

@@ -123,13 +123,14 @@ def test_a_second_opinion_drops_what_it_does_not_share() -> None:
         "causes": [{"factor": "table", "confidence": 0.9}, {"factor": "camera", "confidence": 0.9}]
     }
     with (
-        served(answers(*[both] * TIMES, DETAIL, REMEDY, DETAIL, REMEDY)) as (first, _),
-        served(answers(*[TABLE] * TIMES, DETAIL, REMEDY)) as (second, _),
+        served(answers(*[both] * TIMES, DETAIL, REMEDY, DETAIL, REMEDY)) as (first, asked),
+        served(answers(*[TABLE] * TIMES, DETAIL, REMEDY)) as (second, asked_again),
     ):
         found = diagnose(evaluation(1), None, analyst=Vision(first), second=Vision(second))
     assert [cause.factor for cause in found.causes] == ["table"]
     assert any("camera: named by the first analyst only" in note for note in found.notes)
     assert "cross-checked" in found.analyst
+    assert len(found.trace) == len(asked) + len(asked_again)
 
 
 def test_words_of_a_dataset_stay_data() -> None:
@@ -201,7 +202,8 @@ def test_a_busy_endpoint_is_waited_for() -> None:
 def test_the_key_is_nowhere(tmp_path: Path) -> None:
     echo = {"detail": f"the key is {KEY}"}
     with served(answers(*[TABLE] * TIMES, echo, REMEDY)) as (endpoint, _):
-        found = ask(endpoint, failures=1)
+        said = evaluation(1, instruction=f"push it with {KEY}")
+        found = diagnose(said, None, analyst=Vision(endpoint))
     text: Any = found.model_dump_json()
     assert KEY not in text
     assert "***" in text

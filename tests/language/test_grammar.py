@@ -2,7 +2,8 @@
 
 import contextlib
 import re
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import known
 import pytest
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 
 from rpaug.core import registry
 from rpaug.core.errors import BadRecipe
+from rpaug.language import things
 from rpaug.language.messages import NotUnderstood, WishContext
+from rpaug.language.recording import Recording
 from rpaug.language.rounds import said_after
 from rpaug.pipeline import recipe
 from rpaug.scene.targets import relations
@@ -118,6 +121,25 @@ def test_a_color_belongs_to_what_it_was_said_of() -> None:
         {"op": "recolor", "target": {"role": "table"}, "color": "brown"},
         {"op": "recolor", "target": {"role": "background"}, "color": "white"},
     )
+
+
+def test_a_cameras_name_is_no_misspelling() -> None:
+    answer = said_after("blur the fornt camera", (), WishContext(cameras=("fornt", "wrist")))
+    assert answer.edits == ({"op": "sensor_blur", "cameras": ["fornt"]},)
+
+
+def test_a_least_of_a_channel_leaves_all_above_it() -> None:
+    wish = "paint the cup in random colors (hue 10-360, saturation at least 0.6)"
+    (edit,) = said_after(wish, (), WishContext()).edits
+    assert edit["color"] == {"hsv": [[10, 360], [0.6, 1], [0.3, 1]]}
+
+
+def test_walls_are_flat_and_stand() -> None:
+    sizes = {1: (200.0, 300.0, 3.0), 2: (300.0, 4.0, 250.0), 3: (60.0, 40.0, 80.0)}
+    there = [{"id": one, "role": "background", "size_cm": size} for one, size in sizes.items()]
+    namer = things.Namer(cast(Recording, SimpleNamespace(inventory=there)), None)
+    assert namer.target(things.Named("walls")) == {"handle": [2]}
+    assert namer.target(things.Named("floor")) == {"handle": [1]}
 
 
 WORDS = st.sampled_from(

@@ -14,6 +14,7 @@ from rpaug.language import answers, asking, schemas
 from rpaug.language.messages import Answer, NotUnderstood, WishContext
 from rpaug.language.rounds import History
 from rpaug.language.talk import WishModel, operators
+from rpaug.pipeline import recipe as recipes
 from rpaug.providers.language import LanguageError
 
 SETTING = WishContext(
@@ -23,7 +24,7 @@ STILL = dict.fromkeys(("turn_up", "turn_right", "turn_clockwise", "right", "forw
 FREE = {"random": False, "most_metres": None, "most_degrees": None}
 RAISED = {"op": "camera_pose", "cameras": ["front"], "up": 0.05, **STILL, **FREE}
 BLUE = {"op": "recolor", "target": "cup", "color": "blue"}
-NOT_SET = dict.fromkeys(("copies", "seed", "limit", "keep_originals", "gates"))
+NOT_SET = dict.fromkeys(("copies", "seed", "limit", "keep_originals", "paraphrases", "gates"))
 
 
 def edit(said: str, *options: dict[str, Any], probability: float | None = None) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def test_a_wish_is_one_call() -> None:
     )
     assert answer.notes == ("both cups",)
     assert [one.stage for one in answer.trace] == ["wish"]
-    assert answer.trace[0].prompt["file"] == "wish.v2"
+    assert answer.trace[0].prompt["file"] == "wish.v3"
     assert KEY not in answer.model_dump_json()
     assert len(seen) == 1
     question = json.loads(seen[0][1]["messages"][-1]["content"])
@@ -150,6 +151,7 @@ def test_what_does_not_hold_is_no_recipe(answer: Any, complaint: str) -> None:
         ("2 copies", {"keep_originals": True}, "keep_originals"),
         ("2 copies", {"gates": {"self_check": False}}, "self_check False"),
         ("2 copies", {"gates": {"tries": 9}}, "tries 9"),
+        ("2 copies", {"paraphrases": 5}, "paraphrases 5"),
     ],
 )
 @pytest.mark.parametrize("staged", [True, False])
@@ -189,6 +191,14 @@ def test_numbers_may_be_said_in_words() -> None:
     assert answer.settings["copies"] == 12
 
 
+def test_other_wordings_of_the_instruction_are_a_setting() -> None:
+    wish = "say the instruction in 5 other ways"
+    answer, _ = asked(wish, wished(settings=settings(wish, paraphrases=5)))
+    made = recipes.build(answer.recipe())
+    assert made.instructions.paraphrases == 5
+    assert made.steps == ()
+
+
 def test_a_wrong_edit_is_mended_when_it_is_told_why() -> None:
     answer, seen = asked(
         "make the cup blue",
@@ -221,6 +231,15 @@ def test_a_round_may_drop_earlier_edits() -> None:
     assert after.settings == {"copies": 2}
     question = json.loads(seen[0][1]["messages"][-1]["content"])
     assert (question["said"], question["earlier"]) == (["make the cup blue"], [BLUE])
+
+
+def test_a_round_drops_no_edit_that_was_never_there() -> None:
+    plan = {"steps": [], "drop": [1], "settings": None, "refuse": ""}
+    first, _ = asked("make the cup blue", wished(edit("blue", BLUE)))
+    history = History().after("make the cup blue", first)
+    for answer, staged in ((plan, True), (wished(drop=[1]), False)):
+        with pytest.raises(LanguageError, match="there are 1 earlier edits"):
+            asked("undo that", answer, history=history, staged=staged)
 
 
 @gl

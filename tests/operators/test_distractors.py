@@ -101,6 +101,13 @@ def test_a_smaller_thing_is_drawn_where_the_first_does_not_fit() -> None:
     assert max(library.get(name).largest for name in names) < 0.15
 
 
+def test_sizes_bound_the_longest_side() -> None:
+    edits = [drawn(seed, count=3, size=(0.04, 0.07)) for seed in range(4)]
+    names = {thing["asset"] for edit in edits for thing in edit["things"]}
+    assert len(names) > 1
+    assert all(0.04 <= library.get(name).largest <= 0.07 for name in names)
+
+
 def test_look_alikes_have_the_targets_color_or_proportions() -> None:
     edit = drawn(like="color")
     first, second = (thing["color"] for thing in edit["things"])
@@ -117,6 +124,21 @@ def test_look_alikes_have_the_targets_color_or_proportions() -> None:
     assert all(
         alike.scales[asset.name] * asset.largest == pytest.approx(0.05) for asset in alike.choices
     )
+
+
+def test_what_the_library_lacks_is_painted_and_scaled() -> None:
+    edit = drawn(category="block", color="blue", size=(0.04, 0.04), near="anywhere")
+    for thing in edit["things"]:
+        asset = library.get(thing["asset"])
+        assert asset.category == "block"
+        assert thing["scale"] * asset.largest == pytest.approx(0.04)
+        assert color_space.nearest(np.array(thing["color"])) == "blue"
+
+
+def test_assets_that_are_named_stay_as_they_are() -> None:
+    name = max(library.find("block"), key=lambda one: one.largest).name
+    for thing in drawn(assets=(name,), near="anywhere")["things"]:
+        assert (thing["asset"], thing["scale"], "color" in thing) == (name, 1.0, False)
 
 
 def test_things_of_a_group_stand_together() -> None:

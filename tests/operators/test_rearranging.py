@@ -75,6 +75,25 @@ def test_a_place_that_is_taken_is_refused():
         )
 
 
+def test_a_turned_thing_needs_room_as_it_then_stands():
+    ids = frozenset([instance_id("block_textured")])
+    around = placing.find_free_space(scene(), leaving=ids)
+    one = standing.thing(scene(), ids, around, "moving")
+    turn = float(np.random.default_rng(0).uniform(-1, 1))
+    lies, stands = (
+        around.spots(shape, one.top) for shape in (one.outline, standing.turned(one.outline, turn))
+    )
+    before, after = (
+        tuple(around.origin + CELL * np.argwhere(cells)[0][::-1])
+        for cells in (lies & ~stands, stands & ~lies)
+    )
+    target = Target(handle=min(ids))
+    with pytest.raises(Unsupported, match="there is no room at"):
+        Move(target=target, to=before, turn=1).sample(scene(), np.random.default_rng(0))
+    edit = Move(target=target, to=after, turn=1).sample(scene(), np.random.default_rng(0))
+    assert edit["motion"][1][0] == pytest.approx(np.sin(turn))
+
+
 def test_places_keep_their_distance():
     free_space = placing.find_free_space(scene())
     corners = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])

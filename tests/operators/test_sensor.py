@@ -139,6 +139,13 @@ def test_gains_tint_and_gamma_bends_the_middle() -> None:
     assert ends.tolist() == [[[0, 255, 255]]]
 
 
+def test_a_gain_may_be_each_channels_own() -> None:
+    cast = SensorExposure(stops=(0, 0), gain=((0.9, 1, 1.1), (0.9, 1, 1.2)))
+    red, green, blue = cast.sample(small(), np.random.default_rng(0))["gains"]
+    assert (red, green) == (0.9, 1)
+    assert 1.1 < blue < 1.2
+
+
 def test_a_smear_spreads_a_point_along_its_direction() -> None:
     point = np.zeros((21, 21, 3), np.uint8)
     point[10, 10] = 250
@@ -158,6 +165,7 @@ def test_a_smear_spreads_a_point_along_its_direction() -> None:
         (SensorBlur, {"sigma": [-1, 1]}),
         (SensorJPEG, {"quality": [0, 50]}),
         (SensorExposure, {"stops": [1, -1]}),
+        (SensorExposure, {"gain": [[1, 1, 1], [1, 0.9, 1]]}),
     ],
 )
 def test_senseless_fields_are_refused(kind: type, fields: dict) -> None:

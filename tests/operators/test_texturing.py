@@ -115,6 +115,16 @@ def test_a_known_mapping_gives_the_true_picture() -> None:
         assert 10 * np.log10(255**2 / (error**2).mean()) > 28
 
 
+def test_brightness_is_a_guess_unless_it_is_stated() -> None:
+    levels = []
+    for albedo in (None, (0.5, 0.5, 0.5)):
+        operator = Retexture(target=Target(handle=BALL), texture="clouds", albedo=albedo)
+        (surface,) = operator.sample(small(), np.random.default_rng(0))["surfaces"]
+        levels.append(surface["smooth"]["level"])
+    assert levels[1] == 1
+    assert abs(levels[0] - 1) > 0.01
+
+
 def test_other_pixels_keep_their_bytes() -> None:
     recorded = small()
     after = edited(recorded, Retexture(target=Target(handle=BOX), texture="oak"))

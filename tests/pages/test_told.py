@@ -46,3 +46,8 @@ def test_values_for_people_are_rounded_and_short():
 def test_unknown_operators_are_rounded():
     drawn = {"op": "mine", "edit": {"a": 0.123456789, "b": [1.5, 2, 3, 4, 5], "c": {"d": "x"}}}
     assert told.draw(drawn) == "a 0.123, b 1.5 2 3 and 2 more, c d x"
+
+
+def test_what_fell_short_of_what_was_asked_is_said():
+    drawn = {"op": "mine", "edit": {"a": 1}, "fell_short": ["1 of 2 things", "no lamp"]}
+    assert told.draw(drawn) == "a 1 (1 of 2 things; no lamp)"

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,17 @@ def test_an_inserted_thing_is_there_as_points_and_as_a_mesh(edited: Space) -> No
     low, high = mesh.vertices.min(0) - 0.01, mesh.vertices.max(0) + 0.01
     assert ((seen > low) & (seen < high)).all(1).mean() > 0.9
     assert edited.by_instance(np.array([new, 0])).tolist() == [[230, 60, 200], [90, 90, 90]]
+
+
+def test_what_was_put_in_and_falls_is_where_it_is_by_then(edited: Space) -> None:
+    (body,) = (body for body in edited.bodies if body.mesh is not None)
+    way = body.to_world.copy()
+    way[1:, 2, 3] -= 0.1
+    falling = replace(edited, bodies=(replace(body, to_world=way),))
+    (first,), (last,) = falling.meshes(0), falling.meshes(edited.length - 1)
+    np.testing.assert_allclose(
+        first.vertices - last.vertices, np.tile([0, 0, 0.1], (len(first.vertices), 1))
+    )
 
 
 def test_gaussians_have_the_spread_of_their_axes() -> None:

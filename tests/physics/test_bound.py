@@ -77,12 +77,13 @@ def test_the_inside_gets_gaussians_where_things_flow() -> None:
     assert set(tied.gaussians.ids.tolist()) == {5}
 
 
-def test_columns_fill_a_box_that_stands() -> None:
+@pytest.mark.parametrize("order", [1, -1], ids=["upwards", "downwards"])
+def test_columns_fill_a_box_that_stands(order: int) -> None:
     grid = np.linspace(0, 1, 41)
     faces = np.stack(np.meshgrid(grid, grid, grid), -1).reshape(-1, 3)
     faces = faces[(np.abs(faces - 0.5).max(1) > 0.49) & (faces[:, 2] > 0.1)]
     points = faces * [0.1, 0.08, 0.06] + [0.3, -0.2, 0.75]
-    found = filling.columns(points, 0.0025, 0.75, 0.02)
+    found = filling.columns(points[::order], 0.0025, 0.75, 0.02)
     places, volume = found.filled(0.005)
     assert found.bottom == 0.75
     assert volume.sum() == pytest.approx(0.1 * 0.08 * 0.06, rel=0.08)

@@ -48,6 +48,15 @@ def test_momentum_stays_where_nothing_is_touched(material: Material) -> None:
     np.testing.assert_allclose(one.momentum(), before, rtol=0, atol=1e-4 * np.abs(before).max())
 
 
+def test_friction_takes_the_same_speed_of_slow_and_fast_things() -> None:
+    """Coulomb's: while it slides it loses friction x gravity x time, whatever its speed."""
+    for speed in (0.3, 2.0):
+        one = cube(KINDS[0], 0.0, friction=0.5)
+        one.v[:, 0] = speed
+        one.run(0.05)
+        assert speed - one.v[:, 0].mean() == pytest.approx(0.5 * 9.81 * 0.05, rel=0.1)
+
+
 def test_a_beam_bends_as_far_as_theory_says() -> None:
     young, length, side = 1e6, 0.2, 0.04
     x, volume = block((length + 0.04, side, side), (-0.04, 0, 0.5), CELL / 2)

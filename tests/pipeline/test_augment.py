@@ -3,12 +3,14 @@
 import errno
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -207,6 +209,69 @@ def test_a_full_disk_stops_the_run_and_removes_the_half_episode(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_run_that_a_full_disk_stopped_goes_on_to_the_same_bytes(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until then episodes keep the numbers that they have in the whole."""
+    whole = Path.write_bytes
+
+    def fill(path: Path, data: bytes) -> int:
+        if ".episode1-" in str(path):
+            raise OSError(28, "No space left on device", str(path))
+        return whole(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    found = augment(template, made(), tmp_path / "out")
+    assert (found.exit_code, found.copies) == (1, 2)
+    assert RLBench().episodes(tmp_path / "out") == [f"{GROUP}/episode0", f"{GROUP}/episode2"]
+    monkeypatch.setattr(Path, "write_bytes", whole)
+    assert augment(template, made(), tmp_path / "out", resume=True).resumed == 2
+    augment(template, made(), tmp_path / "fresh")
+    assert contents(tmp_path / "out") == contents(tmp_path / "fresh")
+
+
+@contextmanager
+def no_file_can_be_opened() -> Iterator[None]:
+    """As many files are open as this process may have."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, hard), hard))
+    held: list[int] = []
+    try:
+        with suppress(OSError):
+            while True:
+                held.append(os.open(os.devnull, os.O_RDONLY))
+        yield
+    finally:
+        for one in held:
+            os.close(one)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_a_limit_of_handles_is_no_episode_s_fault(template: Path, tmp_path: Path) -> None:
+    """A reader calls the file unreadable that it could not open; the next episode would come to the same."""
+    key = f"{GROUP}/episode0"
+    job = Job("rlbench", template, key, tmp_path / "out", ((1, key),), RECIPE, 0)
+    journal.begin(tmp_path / "out", {}, template)
+    with no_file_can_be_opened():
+        found = workers.attempt(job)
+    assert (found.fatal, found.copies) == (True, 0)
+    assert found.error == f"{tmp_path / 'out'}: Too many open files"
+    assert workers.attempt(job).error is None  # nothing else was wrong
+
+
+def test_an_output_that_may_not_be_written_ends_the_run(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def forbidden(path: Path, data: bytes) -> int:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", forbidden)
+    found = augment(template, made(), tmp_path / "out")
+    assert str(found.aborted).startswith(str(tmp_path / "out"))
+    assert str(found.aborted).endswith(": Permission denied")
+    assert not found.failures
+
+
 def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Path) -> None:
     many = tmp_path / "many"
     for number in range(6):
@@ -281,12 +346,17 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
-@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
     template: Path, tmp_path: Path, sent: signal.Signals
 ) -> None:
     command, many, out = long_run(template, tmp_path)
-    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    run = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests may ignore it
+    )
     while run.poll() is None and not (out / GROUP / "episode1").exists():
         time.sleep(0.01)
     at_work = workers_of(run.pid)

@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -290,6 +291,25 @@ def test_a_converted_episode_that_was_spoilt_is_found(template: Path) -> None:
     robot = replace(episode.robot, joint_positions=episode.robot.joint_positions + 0.1)
     bent = replace(episode, robot=robot)
     assert [one[2] for one in compare_layouts.compare("x", episode, bent, [0])] == ["robot"]
+
+
+def test_an_episode_that_reads_otherwise_is_taken_back(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = RLDS.write
+
+    def spoiling(self: RLDS, episode: Episode, *where: Any) -> None:
+        front = episode.views["front"]
+        if episode.key.endswith("episode1"):
+            spoilt = replace(front, ids=lambda t: front.ids(t) + 1)
+            episode = replace(episode, views={**episode.views, "front": spoilt})
+        write(self, episode, *where)
+
+    monkeypatch.setattr(RLDS, "write", spoiling)
+    done = convert(template, tmp_path / "out", "rlds")
+    (why,) = done.failures.values()
+    assert "written, it reads otherwise: ids: front: off by" in why
+    assert done.episodes == len(RLDS().episodes(tmp_path / "out")) == 1
 
 
 def test_images_with_less_light_that_have_no_place_are_said(template: Path) -> None:

@@ -3,20 +3,17 @@
 import json
 import shutil
 from collections.abc import Iterator, Sequence
-from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from quick_fits import QUICK, quick_worker
 from rolling import demonstration
 from rpaug_adapters.rlbench import RLBench
 from runs import GROUP, contents
 
 from rpaug.gaussians import cached, store
-from rpaug.gaussians.descent import FitSettings
-from rpaug.gaussians.fit4 import FourSettings
 from rpaug.pipeline import job, prepare, recipe, report, write
 from rpaug.pipeline import workers as local
 from rpaug.pipeline.augment import Run, execute
@@ -28,22 +25,6 @@ RECIPE = {
     "edits": [{"op": "recolor", "target": {"handle": 300}, "color": "blue"}],
 }
 FIRST, SECOND = f"{GROUP}/episode0", f"{GROUP}/episode1"
-
-
-SHORT = FitSettings(steps=8, train_frames=3, checked_frames=1, threads=1)
-BOTH = cached.Both(SHORT, FourSettings(rounds=2, checked_frames=2, densify_rounds=()))
-
-
-QUICK = {
-    "fitted": partial(cached.fitted, settings=SHORT),
-    "fitted_in_time": partial(cached.fitted_in_time, settings=BOTH),
-}
-
-
-def quick_worker(connection: Connection) -> None:
-    """A fresh one knows nothing of what a test changed."""
-    vars(cached).update(QUICK)
-    local._serve(connection)
 
 
 @pytest.fixture(autouse=True)

@@ -53,6 +53,22 @@ def test_where_nothing_can_be_edited_the_reasons_are_told(monkeypatch: pytest.Mo
         starter.text(episode, {})
 
 
+@pytest.mark.parametrize("rejected", [2, 3])
+def test_an_edit_stays_if_half_of_its_draws_pass(
+    rejected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    near = ("near", "{op: camera_pose, camera: front, shift: 0.01, turn: 0.01}")
+    monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[0], near))
+
+    def faults(scene: object, plan: object, made: recipe.Recipe, copy: int) -> list[str]:
+        moves = made.steps[0].options[0].name == "camera_pose"
+        return ["dark"] if moves and copy <= rejected else []
+
+    monkeypatch.setattr(starter, "_faults", faults)
+    made = starter.text(rpaug.read("sample"), {})
+    assert ("gates would reject 3 of 4 draws: dark" in made) == (rejected == 3)
+
+
 def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.MonkeyPatch) -> None:
     far = ("far", "{op: camera_pose, camera: front, shift: 0.9, turn: 0.5}")
     monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[0], far))

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import active_children
 from pathlib import Path
 
 import played_jobs
@@ -62,12 +63,39 @@ def resident() -> float:
     return int(ran.stdout) * os.sysconf("SC_PAGE_SIZE") + played_jobs.MEGABYTES * 2**19
 
 
+@pytest.mark.parametrize(
+    ("line", "where", "name"),
+    [
+        ("0::/system.slice/job_7/step_0", "system.slice/job_7", "memory.max"),
+        ("9:memory:/slurm/job_7/step_0", "memory/slurm/job_7", "memory.limit_in_bytes"),
+        ("9:memory:/docker/0123", "memory", "memory.limit_in_bytes"),  # as a container sees it
+    ],
+)
+def test_workers_share_the_memory_that_a_job_or_a_container_is_given(
+    line: str, where: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / where).mkdir(parents=True, exist_ok=True)
+    (tmp_path / where / name).write_text("1000000000\n")
+    (tmp_path / "memory.max").touch()
+    (tmp_path / "own").write_text(f"1:cpu:/elsewhere\n{line}\n")
+    monkeypatch.setattr(workers, "OWN_GROUPS", tmp_path / "own")
+    kinds = {"": (tmp_path, "memory.max"), "memory": (tmp_path / "memory", "memory.limit_in_bytes")}
+    monkeypatch.setattr(workers, "GROUPS", kinds)
+    assert workers.among(Budget(), 4).memory == pytest.approx(0.9e9 / 4)
+    assert workers.among(Budget(5.0), 4).memory == 5.0
+    (tmp_path / where / name).write_text("max\n")
+    (tmp_path / "own").unlink()
+    assert workers.among(Budget(), 1).memory > 1e9
+
+
 def test_one_worker_with_a_budget_is_a_process_too(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(workers, "_serve", played_jobs.serve)
+    before = active_children()
     (found,) = workers.run([played_jobs.job("hangs", tmp_path)], 1, Budget(minutes=0.01))
     assert "more than 0.02 minutes" in str(found.error)
+    assert {*active_children()} <= {*before}  # it was ended, not left to hang
 
 
 def test_a_worker_says_how_far_it_is(played: Callable[..., dict[str, str | None]]) -> None:

@@ -89,6 +89,14 @@ def test_a_server_that_refuses_everything_is_given_up() -> None:
         assert not [one for one in negotiation.TAKEN if one[0] == endpoint.url]
 
 
+def test_a_refusal_of_what_was_not_sent_is_about_something_else() -> None:
+    without = negotiation.Way(temperature=False)
+    assert without.otherwise("temperature: out of range") is None
+    bare = negotiation.Way(negotiation.FORMS[-1], negotiation.LIMITS[-1], False)
+    assert without.otherwise("bad request") == bare
+    assert bare.otherwise("bad request") is None
+
+
 TEXT = json.dumps(ANSWER)
 
 

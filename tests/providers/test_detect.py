@@ -3,11 +3,14 @@
 import builtins
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import tiny_models
+import torch
 
 from rpaug.core.errors import MissingExtra, Unsupported
 from rpaug.providers import detect, models
@@ -50,6 +53,17 @@ def test_the_real_classes_give_boxes_in_order(kind: str, folders: dict[str, Path
     assert scores == [one.score for one in made(image, "a red cup")]
     made._threshold = 1.0
     assert made(image, "a red cup") == []
+
+
+def test_owls_boxes_are_shares_of_a_square_around_the_image(folders: dict[str, Path]) -> None:
+    made: Any = detector(str(folders["owlv2"]))
+    said = SimpleNamespace(
+        logits=torch.ones(1, 1, 1), pred_boxes=torch.tensor([[[0.5, 0.5, 1, 1]]])
+    )
+    model = Mock(return_value=said, config=made._model.config, device=made._model.device)
+    made._model, made._threshold = model, 0.0
+    (found,) = made(np.zeros((40, 60, 3), np.uint8), "a cup")
+    assert found.box == (-0.5, -0.5, 59.5, 59.5)  # all of it, and the grey below
 
 
 def test_boxes_are_given_in_pixels_with_integer_centres() -> None:

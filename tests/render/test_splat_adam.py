@@ -61,6 +61,22 @@ def test_first_step_moves_each_value_by_its_rate():
     np.testing.assert_allclose(logit[1], logit[0] - 0.2, atol=1e-4)
 
 
+@pytest.mark.parametrize("threads", [2, 3, 5])
+def test_threads_do_not_change_a_step(threads):
+    """Wherever a thread begins, each number moves by its own rate."""
+    given, rng = splats(500, harmonics=4), np.random.default_rng(0)
+    slopes = {
+        name: None if a is None else rng.normal(size=a.shape).astype(np.float32)
+        for name, a in vars(given).items()
+    }
+    alone, several = Adam(given), Adam(given, threads=threads)
+    for one in (alone, several):
+        one.step(Gradients(**slopes, image_motion=np.zeros(500, np.float32)))
+    for name, array in vars(alone.splats).items():
+        if array is not None:
+            np.testing.assert_array_equal(getattr(several.splats, name), array)
+
+
 def test_a_gradient_that_is_not_finite_moves_nothing():
     given = splats(3)
     slopes = {

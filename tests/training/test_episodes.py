@@ -120,6 +120,8 @@ def test_wrong_arguments_are_refused_at_once(template: Path, tmp_path: Path) -> 
         AugmentedEpisodes(template, path, frames="alll")  # type: ignore[arg-type]
     with pytest.raises(Unsupported, match="list of names"):
         AugmentedEpisodes(template, path, cameras="front")
+    with pytest.raises(Unsupported, match="frame numbers from 0"):
+        AugmentedEpisodes(template, path, frames=[0, -1])
 
 
 def without(instance_id: int, length: int = 6) -> Episode:

@@ -81,6 +81,12 @@ def test_pictures_are_drawn_from_their_seed(kind):
     assert first.std() > 2
 
 
+def test_fibres_run_along_a_row():
+    wood = textures.grain(np.random.default_rng(0), (0.6, 0.4, 0.2), 12, 0.2).astype(float)
+    down, along = (np.abs(np.diff(wood, axis=axis)).mean() for axis in (0, 1))
+    assert down > 4 * along
+
+
 # Tiles so large that a pixel is smaller than a texel: then no mipmap comes in between.
 SIDES = {"table": 3.0, "block_textured": 0.6, "cabinet": 1.5, "cylinder": 1.2}
 

@@ -6,7 +6,8 @@ Six tiny episodes of the twin, two copies each, on two workers. By turns the run
 of its workers, which the run must get over by itself; with `--engine ray` (two nodes on this machine, extra `cluster`)
 a node is killed as well. The moment is drawn evenly over the time from the first sign of the run to its end; what ends
 before its moment is run again. Then no process and no temporary file may be left five seconds later, and every file but
-the journal, the summary and the contact sheet, and the seconds in reports, must be as an undisturbed run wrote it.
+the journal, the summary and the contact sheet, and the seconds in reports, must be as an undisturbed run wrote it. What
+FILE counts already is not done again.
 """
 
 import argparse
@@ -210,11 +211,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    rng, done, wrong = random.Random(given.seed), Counter[str](), list[str]()
     kinds = ["run", "worker"] + (["node"] if given.engine == "ray" else [])
+    before = json.loads(given.json.read_text()) if given.json and given.json.exists() else {}
+    done, wrong = Counter[str](before.get("killed", {})), list[str](before.get("wrong", []))
     with tempfile.TemporaryDirectory() as made, nodes(given.engine) as cluster:
         bench = Bench(Path(made), dataset(Path(made), given.layout), cluster)
         bench.undisturbed()
+        rng = random.Random(f"{given.seed} {done.total()}")
         while done.total() < given.trials:
             who = kinds[done.total() % len(kinds)]
             faults = bench.trial(who, rng)
@@ -222,10 +225,10 @@ def main() -> None:
                 done[who] += 1
                 wrong += [f"{who}, {done.total()}: {fault}" for fault in faults]
                 print(f"{done.total()} {who}: {'; '.join(faults) or 'the same'}", flush=True)
-    found = {"layout": given.layout, "engine": given.engine, "killed": dict(done), "wrong": wrong}
-    print(json.dumps(found))
-    if given.json:
-        given.json.write_text(json.dumps(found, indent=1) + "\n")
+                found = {"layout": given.layout, "engine": given.engine, "killed": dict(done)}
+                if given.json:
+                    given.json.write_text(json.dumps(found | {"wrong": wrong}, indent=1) + "\n")
+    print(json.dumps({"killed": dict(done), "wrong": wrong}))
 
 
 if __name__ == "__main__":

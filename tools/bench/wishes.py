@@ -53,7 +53,8 @@ REFUSED = {"refuse": "not answered yet", "drop": [], "edits": [], "settings": No
 NEAR = 1e-3
 DRAWS = 60  # of a field that draws colors
 TURNED = 0.6  # cosine: a lamp so near the direction that is wanted is there
-SET = ("copies", "seed", "select", "keep_originals", "gates")
+SET = ("copies", "seed", "select", "keep_originals", "instructions", "gates")
+LAID = {"retexture", "table_texture", "background_texture"}  # the same on the same target
 
 Pattern = Mapping[str, Any]
 
@@ -131,7 +132,8 @@ def _found(scene: Scene, operator: Any, fields: Sequence[str]) -> frozenset[int]
 
 def fits(one: Chosen, wanted: Pattern) -> bool:
     """Whether an option is one of those that a pattern means."""
-    if one.name not in wanted["op"].split("|"):
+    ops = set(wanted["op"].split("|"))
+    if one.name not in ops and not (one.name in LAID and ops & LAID):
         return False
     if "on" in wanted and not one.ids <= {*wanted["on"], *wanted.get("may", [])}:
         return False

@@ -258,6 +258,7 @@ def test_verify_sees_what_no_edit_reaches(tmp_path: Path) -> None:
     changed = verdict_of("data/demo_1", "model_file", "<none/>")
     assert any("attribute model_file" in words for words in changed)
     assert any("mask/train" in words for words in verdict_of("mask/train", "", b"demo_7"))
+    assert any("mask/valid" in words for words in verdict_of("mask/valid", "", b"demo_0"))
     assert any("total" in words for words in verdict_of("data", "total", 1))
 
 

@@ -11,11 +11,14 @@ import pytest
 
 pytest.importorskip("pyarrow", reason="the extra lerobot is not installed")
 
+import cv2
 import pyarrow as pa
 import pyarrow.parquet as pq
-from lerobot_samples import HEIGHT, WIDTH, WORDS, dataset, episode, halved, picture
+from lerobot_samples import DEPTH, HEIGHT, WIDTH, WORDS, dataset, episode, halved, picture
 from rpaug_adapters.lerobot import LeRobot, fresh, stats, tables
+from rpaug_adapters.lerobot.read import blobs
 from rpaug_adapters.lerobot.tables import filled
+from rpaug_adapters.lerobot.write import with_column
 from rpaug_adapters.shared import video
 from rpaug_adapters.shared.folders import unlike
 
@@ -102,6 +105,31 @@ def test_an_edit_changes_its_camera_alone(recorded: Path, tmp_path: Path) -> Non
     assert [row["index"] for row in held] == list(range(11))
     assert [row["note"] for row in held[8:]] == ["0!", "1!", "2!"]
     assert (tmp_path / "toy/train/2/note.txt").read_bytes() == b"hello"
+
+
+def test_depth_that_no_edit_reached_keeps_its_numbers(tmp_path: Path) -> None:
+    """Metres of float32 millimetres do not all come back by a division: the recorded numbers do."""
+    adapter, root, out, key = LeRobot(), tmp_path / "in", tmp_path / "out", "toy/train/0"
+    adapter.write(episode(0, 2), root, key, dict)
+    path, described = root / key / tables.STAGED, root / "toy" / tables.INFO
+    numbers = np.random.default_rng(0).uniform(500, 2000, (2, HEIGHT, WIDTH)).astype(np.float32)
+    column = fresh.images([fresh.tiff(one) for one in numbers])
+    pq.write_table(with_column(pq.read_table(path), DEPTH, column), path)
+    about = json.loads(described.read_text())
+    about["features"][DEPTH]["info"] = {"is_depth_map": True, "depth_unit": "mm"}
+    described.write_text(json.dumps(about))
+    adapter.finish(root, root)
+    read = adapter.read(root, key)
+    front = read.views["front"]
+    nearer = [np.pad(front.depth(t)[4:], ((4, 0), (0, 0)), constant_values=0.3) for t in range(2)]
+    view = replace(front, depth=lambda t: nearer[t])
+    adapter.write(replace(read, views={**read.views, "front": view}), out, key, dict)
+    adapter.finish(root, out)
+    written = blobs("", adapter.read(out, key).source.rows, DEPTH)
+    for data, recorded in zip(written, numbers, strict=True):
+        stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(stored[4:], recorded[4:])
+        assert np.allclose(stored[:4], 300)
 
 
 def copied(root: Path, out: Path) -> None:

@@ -72,6 +72,17 @@ def test_an_unedited_dataset_has_the_bytes_of_its_source(tmp_path: Path) -> None
     assert files(tmp_path / "out") == files(root)
 
 
+def test_shards_that_hold_other_numbers_than_stated_are_found(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, train=(2, 1), val=()) / "toy/1.0.0"
+    assert list(shards.faults(folder)) == []
+    path = folder / shards.INFO
+    path.write_text(
+        path.read_text().replace('"2"', '"x"').replace('"1"', '"2"').replace('"x"', '"1"')
+    )
+    (fault,) = shards.faults(folder)
+    assert "shardLengths: found [1, 2]; expected [2, 1]" in fault
+
+
 def test_shards_and_counts_follow_what_was_written(tmp_path: Path) -> None:
     root = dataset(tmp_path / "in", train=(2, 2), val=())
     keys = [f"toy/1.0.0/train/{i}" for i in range(3)]
@@ -331,3 +342,13 @@ def test_images_may_be_named_by_the_side_file(tmp_path: Path) -> None:
     (root / "toy/1.0.0/cameras.yaml").write_text("images: {hand: nowhere}")
     with pytest.raises(BadInput, match=r"images\.hand: found nowhere"):
         RLDS().read(root, RLDS().episodes(root)[0])
+
+
+def test_statistics_that_trainers_keep_beside_shards_are_theirs_to_count(tmp_path: Path) -> None:
+    """Octo and OpenVLA count anew where their file is missing; the source's would tell of other episodes."""
+    root = dataset(tmp_path / "in")
+    (root / "toy/1.0.0/dataset_statistics_0123abcd.json").write_text('{"num_trajectories": 4}')
+    copied(root, tmp_path / "out", [KEY])
+    assert {*files(tmp_path / "out")} == {
+        *("features.json", "dataset_info.json", "toy-train.tfrecord-00000-of-00001")
+    }

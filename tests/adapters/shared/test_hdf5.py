@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from rpaug_adapters.shared import hdf5
 from rpaug_adapters.shared.hdf5 import dataset, member
@@ -18,6 +19,25 @@ def test_what_is_not_there_is_named_from_the_root(name: str, tmp_path: Path) -> 
         for reader in (member, dataset):
             with pytest.raises(BadInput, match=f"data/demo_0/{name}:"):
                 reader(tmp_path / "a.hdf5", group, name)
+
+
+def test_data_that_lies_elsewhere_is_refused(tmp_path: Path) -> None:
+    """Virtual data, raw files, references and links out of the file would follow wherever it points."""
+    with h5py.File(tmp_path / "other.hdf5", "w") as other:
+        other["secret"] = np.arange(4)
+    layout = h5py.VirtualLayout((4,), int)
+    layout[:] = h5py.VirtualSource(tmp_path / "other.hdf5", "secret", (4,))
+    (tmp_path / "raw").write_bytes(bytes(32))
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file["own"] = np.arange(4)
+        file.create_virtual_dataset("virtual", layout)
+        file.create_dataset("raw", (4,), int, external=[(str(tmp_path / "raw"), 0, 32)])
+        file["linked"] = h5py.ExternalLink(str(tmp_path / "other.hdf5"), "secret")
+        file.create_dataset("references", data=np.array([file["own"].ref], h5py.ref_dtype))
+        assert dataset(tmp_path / "a.hdf5", file, "own")[()].tolist() == [0, 1, 2, 3]
+        for name in ("virtual", "raw", "linked", "references"):
+            with pytest.raises(BadInput, match=f"a.hdf5: {name}:"):
+                dataset(tmp_path / "a.hdf5", file, name)
 
 
 ONCE = "input(); print('read', flush=True); input()"  # breaks on the second file

@@ -206,6 +206,15 @@ def test_a_stream_that_would_show_other_pixels_is_not_kept(
     assert all(np.abs(made.rgb(t).astype(int) - shown(t)).mean() < 2.5 for t in range(LENGTH))
 
 
+@pytest.mark.parametrize("levels", [(90, 120), (120, 90)])
+def test_a_spliced_stream_states_the_higher_level(levels: tuple[int, int]) -> None:
+    """A header that states less than its packets need is refused by strict decoders."""
+    avc = [bytes([1, 66, 0, level, 0xFF, 0xE0, 0]) for level in levels]
+    assert splice._avc(*avc)[3] == 120
+    hevc = [bytes(12) + bytes([level]) + bytes(splice.HEVC_HEAD - 12) for level in levels]
+    assert splice._hevc(*hevc)[12] == 120
+
+
 @given(st.binary(min_size=6, max_size=40), st.integers(0, 24))
 def test_a_number_grows_by_one_byte(body: bytes, at: int) -> None:
     bits = f"{int.from_bytes(body, 'big'):0{8 * len(body)}b}"

@@ -88,9 +88,10 @@ def test_a_person_may_settle_the_table_by_its_color() -> None:
     assert made.roles["table"] == scene.roles["table"]
 
 
-def test_what_has_a_touch_of_a_color_is_not_meant_beside_what_has_its_name() -> None:
+@pytest.mark.parametrize("tint", [(180, 130, 130), (140, 80, 80)], ids=["pink", "a dull red"])
+def test_what_has_a_touch_of_a_color_is_not_meant_beside_what_has_much(tint: tuple) -> None:
     def pale(out: np.ndarray) -> None:
-        out[48:56, 10:20] = (180, 130, 130)
+        out[48:56, 10:20] = tint
 
     scene = seen(pale)
     (block,) = find(scene, Target(text="the red thing"))

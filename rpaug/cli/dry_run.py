@@ -1,0 +1,80 @@
+"""`rpaug augment --dry-run`: what a run would do, said of each episode as it is planned; sums alone are kept."""
+
+import json
+import shutil
+import sys
+from collections.abc import Mapping
+from tempfile import TemporaryFile
+from typing import Any, TextIO
+
+from rpaug.cli.console import say, warn
+from rpaug.core.errors import RpaugError
+
+
+def print_plans(run: Any, resume: bool, as_json: bool) -> int:
+    """Images are looked at only to measure errors, where the recipe states an accuracy. Returns the exit code. JSON
+    goes to a file first, since nothing may be printed beside an error."""
+    from rpaug.pipeline import plan, prepare
+    from rpaug.pipeline.augment import check
+
+    check(run, resume)
+    planned, failed = 0, dict[str, str]()
+    total = {"seconds": plan.SECONDS_START, "megabytes": 0.0}
+    with TemporaryFile("w+") as plans:
+        for at, key in enumerate(run.keys):
+            if not run.makes(at):
+                continue
+            try:
+                episode = run.adapter.read(run.source, key)
+                made = prepare.planned(episode, run.recipe, run.tier)
+            except RpaugError as error:
+                failed[key] = str(error)
+                continue
+            planned += 1
+            cost = made.cost(episode, len(run.copies))
+            total = {name: seconds + cost[name] for name, seconds in total.items()}
+            own = {name: round(value, 3) for name, value in cost.items()}
+            one = {"episode": key, "frames": episode.length, **made.describe(), "estimate": own}
+            if as_json:
+                plans.write(f"{',' if planned > 1 else ''}\n{json.dumps(one)}")
+            else:
+                _tell(one, [str(region) for region in made.regions if region.met is not None])
+        rounded = {name: round(value, 1) for name, value in total.items()}
+        if as_json:
+            _print(plans, len(run.copies), failed, rounded)
+    if not as_json:
+        _sum_up(planned * len(run.copies), failed, rounded, run.linked)
+    return 2 if not planned else 1 if failed else 0
+
+
+def _tell(one: Mapping[str, Any], regions: list[str]) -> None:
+    """What becomes of one episode."""
+    representations = ", ".join(sorted(set(one["carriers"].values())))
+    bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
+    about = "about {seconds:.1f} s, {megabytes:.1f} MB".format(**one["estimate"])
+    say(f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}")
+    for line in [*regions, *one.get("assumed", [])]:
+        say(f"  {line}")
+    for line in one.get("warnings", []):
+        warn("  warning", line)
+
+
+def _sum_up(
+    copies: int, failed: Mapping[str, str], total: Mapping[str, float], linked: bool
+) -> None:
+    for key, reason in failed.items():
+        warn("would skip", f"{key}: {reason}")
+    room = f"{'at most ' if linked else ''}{total['megabytes']} MB"
+    about = f"about {total['seconds']} s on one core and {room}"
+    say(f"{copies} copies, {about}. Nothing was written.")
+
+
+def _print(
+    plans: TextIO, copies: int, failed: Mapping[str, str], total: Mapping[str, float]
+) -> None:
+    """One JSON value."""
+    plans.seek(0)
+    sys.stdout.write(f'{{"copies": {copies},\n"plans": [')
+    shutil.copyfileobj(plans, sys.stdout)
+    rest = json.dumps({"unreadable": failed, "estimate": total}, indent=1)
+    sys.stdout.write(f"],{rest.removeprefix('{')}\n")

@@ -1,0 +1,70 @@
+"""What `--dry-run` prints, however many episodes there are."""
+
+import json
+import os
+import shutil
+import sys
+import tracemalloc
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from runs import GROUP
+from test_cli import run
+
+from rpaug.cli import dry_run
+from rpaug.pipeline import augment, recipe
+from tools.bench import dry_run as bench
+
+RECIPE = "version: 1\nedits:\n  - {op: light_color}\n"
+
+
+def test_unreadable_episodes_and_other_parts_do_not_count(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    shutil.copytree(dataset / GROUP / "episode0", dataset / GROUP / "episode2")
+    (dataset / GROUP / "episode0/low_dim_obs.pkl").write_bytes(b"")
+    given = ("augment", dataset, "--recipe", tmp_path / "r.yaml", "--out", tmp_path / "out")
+    code, out, _ = run(*given, "--dry-run", "--json", "--shard", "1/2")
+    told = json.loads(out)
+    assert code == 1
+    assert [one["episode"] for one in told["plans"]] == [f"{GROUP}/episode2"]
+    assert list(told["unreadable"]) == [f"{GROUP}/episode0"]
+    code, out, err = run(*given, "--dry-run", "--shard", "1/2")
+    assert (code, "1 copies" in out, f"would skip {GROUP}/episode0" in err) == (1, True, True)
+    shutil.rmtree(dataset / GROUP / "episode2")
+    code, out, _ = run(*given, "--dry-run", "--json", "--shard", "1/2")
+    assert (code, json.loads(out)["plans"]) == (2, [])
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_memory_does_not_grow_with_the_episodes(
+    as_json: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plans of two thousand are a megabyte of text, and more as values."""
+    peak(20, as_json, monkeypatch)  # what is loaded once
+    few, many = peak(200, as_json, monkeypatch), peak(2000, as_json, monkeypatch)
+    assert many < few + 3e5
+
+
+def peak(episodes: int, as_json: bool, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Bytes at most while so many are planned."""
+    episode = bench.tiny()
+    held = SimpleNamespace(
+        adapter=SimpleNamespace(read=lambda *_: episode),
+        keys=[f"group/episode{number}" for number in range(episodes)],
+        copies=range(1, 2),
+        makes=lambda _: True,
+        recipe=recipe.build(bench.recipe("tiny", "light_color", 1)),
+        source=Path(),
+        tier=0,
+    )
+    with Path(os.devnull).open("w") as nowhere:
+        monkeypatch.setattr(augment, "check", lambda *_: None)
+        monkeypatch.setattr(sys, "stdout", nowhere)
+        tracemalloc.start()
+        try:
+            assert dry_run.print_plans(held, False, as_json) == 0
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+            monkeypatch.undo()
