@@ -178,7 +178,7 @@ def tell(run: Any, summary: Any, described: dict[str, Any], as_json: bool) -> No
         print_json(described)
         return
     for words in summary.shortfalls:
-        warn("fell short", words)
+        warn("not as asked", words)
     _print_summary(described, summary.lacked, run.adapter.after)
 
 

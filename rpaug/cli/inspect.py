@@ -48,6 +48,7 @@ def inspect(
     if episode is None and (below := _several(dataset)):
         return _listed(dataset, below, as_json)
 
+    from rpaug.core.visible import quoted
     from rpaug.pipeline import inspect as inspection
     from rpaug.pipeline.role_facts import sure
     from rpaug.providers import models_settings
@@ -74,7 +75,7 @@ def inspect(
     if as_json:
         print_json(described)
         return 0
-    say(f"{described['episode']}: “{described['instruction']}”, {found.length} frames")
+    say(f"{described['episode']}: {quoted(described['instruction'])}, {found.length} frames")
     say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
     for name, camera in described["cameras"].items():
         kind = "fixed" if camera["fixed"] else "moving"

@@ -18,6 +18,11 @@ def visible(text: str) -> str:
     return text.translate(spelled) if spelled else text
 
 
+def quoted(instruction: str) -> str:
+    """An instruction in quotation marks, or that there is none."""
+    return f"“{instruction}”" if instruction.strip() else "no instruction"
+
+
 def markdown(text: str) -> str:
     """The text as one line of Markdown that shows it as it is."""
     return MARKS.sub(r"\\\1", html.escape(" ".join(visible(text).split()), quote=False))

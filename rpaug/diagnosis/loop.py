@@ -259,7 +259,7 @@ def _augmented(loop: Loop, made: Path, given: Diagnosis, tell: Tell) -> int:
     for words in summary.lacked:
         tell(f"left out: {words}")
     for words in summary.shortfalls:
-        tell(f"fell short: {words}")
+        tell(f"not as asked: {words}")
     return summary.copies
 
 

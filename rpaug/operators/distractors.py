@@ -128,16 +128,17 @@ class Distractors(Operator):
         return added(edit)
 
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
-        near = f"{100 * self.within:.0f} cm of"
+        near = f"{100 * self.within:.0f} cm"
         words = {
-            "path": f"found no room within {near} the gripper's low path",
-            "target": f"found no room within {near} the target",
-            "beyond": f"found no room in the workspace more than {near} target and path",
-            "anywhere": "found no room in the workspace",
+            "path": f"asked within {near} of the gripper's low path",
+            "target": f"asked within {near} of the target",
+            "beyond": f"asked over {near} from target and path",
+            "anywhere": "asked in the workspace",
         }
         elsewhere = edit.get("elsewhere", {})
         return {
-            words[zone]: (elsewhere.get(zone, 0), n) for zone, n in edit.get("asked", {}).items()
+            f"{words[zone]} stand elsewhere: no room there": (elsewhere.get(zone, 0), n)
+            for zone, n in edit.get("asked", {}).items()
         }
 
     def _offered(self) -> Alike:

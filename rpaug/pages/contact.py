@@ -17,6 +17,7 @@ from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, write_changed
 from rpaug.core.interfaces import Adapter
 from rpaug.core.types import Episode
+from rpaug.core.visible import quoted
 from rpaug.pages import told
 from rpaug.pages.document import document, facts, figure, jpeg
 from rpaug.pipeline import report
@@ -137,9 +138,9 @@ def _section(
     )
     drawn = json.dumps(described["draws"], indent=1)
     return (
-        f"<h2>{html.escape(key)}</h2><p>“{html.escape(after.instruction)}”, copy {described['copy']} of "
+        f"<h2>{html.escape(key)}</h2><p>{html.escape(quoted(after.instruction))}, copy {described['copy']} of "
         f"{html.escape(described['source'])}</p><ul class=told>{words or '<li>nothing was drawn'}</ul>"
-        f"<div class=views>{''.join(figures)}</div>"
+        f"<div class='views large'>{''.join(figures)}</div>"
         f"<details><summary>drawn values as JSON</summary><pre tabindex=0>{html.escape(drawn)}</pre></details>"
     )
 

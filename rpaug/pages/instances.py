@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core.types import Episode
+from rpaug.core.visible import quoted
 from rpaug.pages.document import color_of, document, facts, figure, outlined, png
 from rpaug.pipeline import role_facts
 from rpaug.scene.targets.survey import InstanceSummary
 
 MARGIN = 4  # pixels around an instance's thumbnail
-HEIGHT = 384  # pixels of an outlined image, at least, by whole factors
+HEIGHT = 480  # pixels of an outlined image, at least, by whole factors
 
 
 def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[InstanceSummary]) -> bytes:
@@ -23,10 +24,10 @@ def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[Instance
     notes = [*(f"not understood: {words}" for words in described["unread"]), *described["assumed"]]
     notes += [f"{name}: {words}" for name, words in described["misplaced"].items()]
     body = (
-        f"<h1>“{given(described['instruction'])}”</h1>"
+        f"<h1>{given(quoted(described['instruction']))}</h1>"
         f"{facts(_facts(described, rows))}"
         f"{''.join(f'<p class=bad>{given(words)}</p>' for words in notes)}"
-        f"<div class=views>{''.join(_views(episode, names))}</div>"
+        f"<div class='views large'>{''.join(_views(episode, names))}</div>"
         f"{_roles(described)}<h2>Instances</h2><div class=scroll tabindex=0><table><tr><th><th>handle<th>role<th>color"
         "<th>size, cm<th>motion<th>residual, mm<th>seen in frames</tr>"
         f"{''.join(_row(episode, row, names[row.instance_id][1]) for row in rows)}</table></div>"

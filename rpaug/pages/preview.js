@@ -93,15 +93,18 @@ function outline(context, ids, size, scale) {
   for (const [id, [x, y, count]] of sums) {
     const one = all[id - 1];
     if (!one.name || count < 40) continue;
-    context.lineWidth = 4;
-    context.strokeStyle = "#141414";
-    context.strokeText(one.name, x / count * scale, y / count * scale);
-    context.fillStyle = `rgb(${one.color})`;
-    context.fillText(one.name, x / count * scale, y / count * scale);
+    const right = x / count * scale, down = y / count * scale, width = context.measureText(one.name).width;
+    context.fillStyle = "#141414";
+    context.fillRect(right - width / 2 - 3, down - 14, width + 6, 19);
+    context.fillStyle = `rgb(${String(one.color).split(",").map((channel) => (Number(channel) + 255) / 2)})`;
+    context.fillText(one.name, right, down);
   }
 }
 function repaint() {
   for (const canvas of $("views").querySelectorAll("canvas")) paint(canvas, canvas.dataset.camera);
+}
+function count() {
+  return DATA.served ? DATA.keys.length : DATA.episodes.length;
 }
 function button(words, act, label) {
   const made = element("button", {type: "button", textContent: words, onclick: act});
@@ -127,7 +130,8 @@ function bar() {
     slide("split", "recorded | edited", 1, 0.01, (value) => { state.split = value; state.mode = "split"; sync(); repaint(); }),
     slide("frame", "frame", 0, 1, (value) => go(value)),
     element("div", {className: "group"}, button("play", play, "play or stop"), button("next draw", next),
-      button("‹ episode", () => turn(-1), "previous episode"), button("episode ›", () => turn(1), "next episode")));
+      ...(count() > 1 ? [button("‹ episode", () => turn(-1), "previous episode"),
+        button("episode ›", () => turn(1), "next episode")] : [])));
   $("split").value = state.split;
 }
 function sync() {
@@ -138,11 +142,11 @@ function sync() {
   $("frame-label").textContent = `frame ${episode.frames[state.frame]} of ${episode.length - 1}`;
 }
 function told() {
-  $("title").textContent = `“${(shot && shot.instruction) || episode.instruction}”`;
+  const instruction = (shot && shot.instruction) || episode.instruction;
+  $("title").textContent = instruction.trim() ? `“${instruction}”` : "no instruction";
   const facts = [["episode", episode.key], ["frames", episode.length], ["cameras", Object.keys(episode.cameras).length]];
   if (shot) facts.push(["draw", `seed ${shot.seed}, copy ${shot.copy}`]);
-  const total = DATA.served ? DATA.keys.length : DATA.episodes.length;
-  if (total > 1) facts.push(["of", `${state.episode + 1} of ${total} episodes`]);
+  if (count() > 1) facts.push(["of", `${state.episode + 1} of ${count()} episodes`]);
   $("facts").replaceChildren(element("ul", {className: "facts"}, ...facts.map(([name, value]) =>
     element("li", {}, element("span", {className: "soft", textContent: name + " "}), element("b", {textContent: value})))));
   const words = shot ? shot.words : [];
@@ -187,7 +191,7 @@ function next() {
   refresh();
 }
 function turn(step) {
-  const total = DATA.served ? DATA.keys.length : DATA.episodes.length;
+  const total = count();
   state.episode = (state.episode + step + total) % total;
   open();
 }

@@ -8,6 +8,7 @@ import numpy as np
 
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import Episode, Scene
+from rpaug.core.visible import quoted
 from rpaug.pipeline import copies, prepare
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.plan import Plan
@@ -86,8 +87,8 @@ def _facts(episode: Episode, described: Mapping[str, Any]) -> list[str]:
         if one["handles"]
     ]
     return [
-        f"A first recipe for {episode.key}: “{episode.instruction}”, {episode.length} frames, cameras "
-        f"{', '.join(episode.views)}.",
+        f"A first recipe for {episode.key}: {quoted(episode.instruction)}, {episode.length} frames, "
+        f"camera{'s' if len(episode.views) > 1 else ''} {', '.join(episode.views)}.",
         f"Instances by role: {'; '.join(roles) or 'none were found'}. `rpaug inspect` shows what they are, "
         '`{handle: N}` names one, `{text: "the red cup"}` too.',
         "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT.",

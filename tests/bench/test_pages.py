@@ -84,14 +84,15 @@ def test_a_missed_target_is_marked() -> None:
     shown = MADE_UP.markdown()
     assert "|surfels|30.4 (≥29.5)|**19.5 missed** (≤15)|" in shown
     assert "0123abc 2026-01-31; a laptop; seeds 0 to 9" in shown
+    assert "2026-01-31; seeds 0" in replace(MADE_UP, machine="2 cores x86_64").markdown()
+    assert "; 2 cores, busy; seeds 0" in replace(MADE_UP, machine="2 cores, busy").markdown()
     assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤15)"]
+    assert pages.Topic("Cameras", "fair", [MADE_UP]).line("x").endswith(": fair; **1 missed**")
 
 
 def test_a_bench_records_its_table_and_replaces_it(tmp_path: Path) -> None:
     (tmp_path / "benchmarks/results").mkdir(parents=True)
-    (tmp_path / "benchmarks.md").write_text(
-        "# Index\n\n- [](benchmarks/cameras.md)\n\n<!-- misses -->\n<!-- end -->\n"
-    )
+    (tmp_path / "benchmarks.md").write_text("# Index\n\n- [](benchmarks/cameras.md)\n")
     page = tmp_path / "benchmarks/cameras.md"
     page.write_text("# Cameras\n\n<!-- table: moved -->\n<!-- end -->\nProse.\n")
     pages.save("cameras", pages.Topic("Cameras", "{moved|surfels|dB} dB", []), tmp_path)

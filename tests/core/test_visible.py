@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpaug.core.visible import markdown, visible
+from rpaug.core.visible import markdown, quoted, visible
 
 
 def test_controls_and_turns_of_direction_are_spelled_out() -> None:
@@ -22,3 +22,8 @@ def test_markdown_shows_marks_and_tags_as_text() -> None:
     name = "ds<b>x\x1b[31m|`q`\n# _title_"
     assert markdown(name) == r"ds&lt;b&gt;x\\x1b\[31m\|\`q\` \# \_title\_"
     assert markdown("open_drawer (MIT, 2.0)") == r"open\_drawer (MIT, 2.0)"
+
+
+def test_a_missing_instruction_is_said_to_be_missing() -> None:
+    assert quoted("open the drawer") == "“open the drawer”"
+    assert quoted("") == quoted(" ") == "no instruction"

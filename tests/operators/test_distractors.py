@@ -88,7 +88,9 @@ def test_what_finds_no_room_near_stands_elsewhere_and_that_is_said(monkeypatch) 
     edit = operator.sample(scene(), np.random.default_rng(0))
     assert edit["elsewhere"] == edit["asked"] == {"path": 2}
     (line,) = Draw(0, Option("distractors", {}, operator), edit).describe()["fell_short"]
-    assert line == "2 of 2 found no room within 15 cm of the gripper's low path"
+    assert line == (
+        "2 of 2 asked within 15 cm of the gripper's low path stand elsewhere: no room there"
+    )
     with pytest.raises(Unsupported, match="no room"):
         drawn(near="path")
 

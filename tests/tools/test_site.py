@@ -2,9 +2,11 @@
 
 import json
 import re
+import shutil
 from dataclasses import fields
 from pathlib import Path
 
+import browser
 import pytest
 
 from rpaug.cli import COMMANDS
@@ -60,3 +62,20 @@ def test_references_tell_bounds_defaults_names_and_options() -> None:
 def test_a_link_to_a_section_of_the_operators_leads_to_that_operators_page(built: Path) -> None:
     for page in (built.parent / "docs").rglob("*.md"):
         assert page.name == "operators.md" or "operators.md#" not in page.read_text(), page
+
+
+@pytest.mark.skipif(browser.CHROMIUM is None, reason=browser.WHY)
+@pytest.mark.skipif(not browser.AXE, reason=browser.WHY_NO_AXE)
+@pytest.mark.parametrize("width", [1400, 390])
+def test_axe_has_no_serious_findings_on_the_sites_first_page(
+    built: Path, width: int, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(built, tmp_path / "site"))
+    axe = b"<script>" + Path(browser.AXE).read_bytes() + b"</script>"
+    # The theme's own script makes wide code focusable, later, and its search wants a server.
+    script = """const found=await axe.run({rules:{'scrollable-region-focusable':{enabled:false}}});
+    const bad=found.violations.filter((v)=>['serious','critical'].includes(v.impact));
+    return [document.querySelector('.md-search').getAttribute('aria-label'),
+    bad.map((v)=>v.id+': '+v.nodes[0].html)]"""
+    found = browser.run((folder / "index.html").read_bytes() + axe, script, folder, width)
+    assert found == ["Search", []]

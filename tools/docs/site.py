@@ -70,6 +70,7 @@ CONFIG: Mapping[str, Any] = {
         ],
     },
     "extra_css": ["site.css"],
+    "extra_javascript": ["site.js"],
     "plugins": ["search"],
     "use_directory_urls": False,
     "markdown_extensions": [
@@ -173,7 +174,8 @@ def build(out: Path, staged: Path) -> None:
 
     shutil.rmtree(staged, ignore_errors=True)
     shutil.copytree(ROOT / "docs", staged, ignore=shutil.ignore_patterns("*.md", "results"))
-    for file in (ROOT / "CITATION.cff", Path(__file__).with_suffix(".css")):
+    here = Path(__file__)
+    for file in (ROOT / "CITATION.cff", here.with_suffix(".css"), here.with_suffix(".js")):
         shutil.copy(file, staged)
     found = pages()
     for path, text in found.items():
