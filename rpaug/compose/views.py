@@ -14,7 +14,7 @@ from rpaug.compose import inserted
 from rpaug.core.errors import SourceLacks
 from rpaug.core.image_cache import shelved
 from rpaug.core.memo import once
-from rpaug.core.types import CameraView, Episode, Rig, Scene, Sensor
+from rpaug.core.types import CameraView, Episode, Relit, Rig, Scene, Sensor
 from rpaug.render import holes
 from rpaug.render.composite import composite
 from rpaug.render.zbuffer import Rendered
@@ -127,8 +127,8 @@ def edited(
 @once
 def _evenly_lit(recorded: Scene, lamps: Rig) -> surfels.Surfels:
     """Surfels of a recorded scene without cast shadows: all copies of an episode share them."""
-    even = shelved(intrinsic.evenly_lit(recorded, lamps))
-    return surfels.recorded(replace(recorded, episode=even))
+    even = recast.Recast(recorded, Relit(lamps, lamps)).recorded
+    return surfels.recorded(replace(recorded, episode=shelved(even)))
 
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
@@ -269,7 +269,7 @@ def _finished(
         if made is not None:
             rgb = made.onto(view.rgb(t), before[0], rgb, hole)
         light = None
-        if cast is not None and stood:
+        if cast is not None and stood and view.depth and view.ids:
             light = cast.light(name, t, depth, ids)
             rgb = cast.shown(name, t, rgb, light)
         elif cast is not None:

@@ -7,7 +7,7 @@ from functools import wraps
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from rpaug.core.types import Episode, Scene
+from rpaug.core.types import Episode, Rig, Scene
 
 ANSWERS = 32  # kept of an episode
 kept_scenes = (
@@ -24,7 +24,7 @@ def keep(scenes: int) -> None:
 
 
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember the last answer, for the very same arguments: objects, sets, and tuples, episodes, scenes of such."""
+    """Remember the last answer, for the very same arguments: objects, sets, lamps; tuples, episodes, scenes of such."""
     return _remembering(find, lambda: 1)
 
 
@@ -58,7 +58,7 @@ def _same(one: object, other: object) -> bool:
     for kind in (Scene, Episode):
         if isinstance(one, kind) and isinstance(other, kind):
             return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(kind))
-    return isinstance(one, frozenset) and one == other
+    return isinstance(one, frozenset | Rig) and one == other
 
 
 def bare(scene: Scene) -> Scene:

@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import Any, cast
 
 from rpaug.core import color_space, registry
-from rpaug.language import values
+from rpaug.language import templates, values
 from rpaug.language.calling import called, short
 from rpaug.language.declared import own_role, targets
 from rpaug.language.lexicon import group
@@ -293,9 +293,10 @@ def reason(
     `sure`: only what cannot be a wish; else also what was read as none.
     """
     words = said(read)
-    if "shadow" in words:
+    if "shadow" in words and not templates.fits(words):
         raise NotUnderstood(
-            f"{words!r}: cast shadows stay as they were recorded: no edit moves or softens them"
+            f"{words!r}: of cast shadows it can be asked: 'vary the depth of the shadows', "
+            "'move the shadows by up to 30 degrees'"
         )
     denied = any(one.kind == "not" for one in read) and any(one.kind == "color" for one in read)
     if denied or any(one.text == "," for one in read):

@@ -29,6 +29,8 @@ PLAIN_WORDS = frozenset(
     re.findall("[a-z]+", "the a of to by up in with and make change red block bowl cup degrees")
 )
 """Words of the examples that say nothing of what is asked for."""
+BY_PHRASES = frozenset({"shadows"})
+"""Those of ours that nothing but their phrases asks for."""
 OF_KIND = {"count": values.NUMBER, "number": values.NUMBER}
 
 
@@ -42,9 +44,16 @@ def _rules() -> tuple[Rule, ...]:
     return tuple(
         rule(name, registry.operator(name), text)
         for name in registry.operator_names()
-        if not registry.shipped(name)
+        if not registry.shipped(name) or name in BY_PHRASES
         for text in registry.operator(name).phrases
     )
+
+
+def fits(stated: str) -> bool:
+    """Whether some words fit a phrase of ours that nothing else asks for."""
+    kinds = [registry.operator(name) for name in sorted(BY_PHRASES)]
+    patterns = (_pattern(phrases.parse(text, one), []) for one in kinds for text in one.phrases)
+    return any(re.fullmatch(pattern, stated) for pattern in patterns)
 
 
 def rule(op: str, operator: type[Operator], text: str) -> Rule:

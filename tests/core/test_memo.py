@@ -5,7 +5,7 @@ from dataclasses import replace
 from analytic import scene
 
 from rpaug.core.memo import bare, once
-from rpaug.core.types import Scene
+from rpaug.core.types import Rig, Scene
 from rpaug.scene.sampled_frames import look
 
 
@@ -45,3 +45,19 @@ def test_an_episode_is_looked_at_once() -> None:
     assert look(recorded, [0]).frames.tolist() == [0]
     assert look(replace(recorded)) is look(recorded)
     assert look(replace(recorded, key="other")) is not look(recorded)
+
+
+def test_the_same_lamps_are_the_same_though_read_twice() -> None:
+    asked = []
+
+    @once
+    def find(lamps: Rig) -> int:
+        asked.append(lamps)
+        return len(asked)
+
+    assert (
+        find(Rig(0.4, ((0.0, 0.0, 1.0),), (0.6,)))
+        == find(Rig(0.4, ((0.0, 0.0, 1.0),), (0.6,)))
+        == 1
+    )
+    assert find(Rig(0.4, ((0.0, 0.6, 0.8),), (0.6,))) == 2

@@ -75,11 +75,6 @@ def matte(scene: Scene) -> Scene:
     return replace(rig.recorded(scene), episode=highlights.matte(scene))
 
 
-def evenly_lit(scene: Scene, lamps: Rig) -> Episode:
-    """The recorded episode as it would be if these lamps cast no shadow; what shines there shines still."""
-    return _lit_by_all(scene.episode, matte(scene), lamps)
-
-
 def share_of(scene: Scene, lamps: Rig, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
     """`share` by lamps that are known; None for a camera that does not tell where surfaces lie."""
     return _share(matte(scene), lamps, name, t)
@@ -94,20 +89,15 @@ def evened(
 
 @memo.last
 def _unshadowed(scene: Scene, lamps: Rig) -> Episode:
-    return _lit_by_all(scene.episode, scene, lamps)
-
-
-@memo.last
-def _lit_by_all(episode: Episode, bare: Scene, lamps: Rig) -> Episode:
     def rgb(name: str, view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
-        found = _share(bare, lamps, name, t)
+        found = _share(scene, lamps, name, t)
         return view.rgb(t) if found is None else evened(view.rgb(t), found)
 
     views = {
         name: replace(view, rgb=partial(rgb, name, view), radiance=None)
-        for name, view in episode.views.items()
+        for name, view in scene.episode.views.items()
     }
-    return replace(episode, views=views)
+    return replace(scene.episode, views=views)
 
 
 def best_light(scene: Scene, instance_id: int) -> float:

@@ -6,8 +6,8 @@ had. What was carried there from elsewhere, or put in, has the light that known 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 from itertools import product
 
 import numpy as np
@@ -25,7 +25,7 @@ CHANGED = 0.05  # of a lamp's light, from which a place has gained or lost it
 RIM = 1  # pixels around such places in which a recorded shadow may end
 ALIKE = 0.1  # log light by which a measured one may differ from one of few
 TRUST = 3.0  # squared multiples of it, that it costs a lamp to be another than the surfaces say
-KEPT = 8  # images: each is asked for again as it is drawn
+KEPT = 16  # images: each is asked for again as it is drawn
 DARKEST = 0.02  # of full light: no shadow is deeper
 RINGS = 0.5, 0.9  # of a lamp's radius: where on its disc it is looked at from
 
@@ -45,7 +45,13 @@ class Recast:
     @cached_property
     def recorded(self) -> Episode:
         """The recorded images without cast shadows."""
-        return intrinsic.evenly_lit(self.scene, self.relit.recorded)
+        views = {
+            name: replace(view, rgb=partial(self.even, name), radiance=None)
+            if view.depth and view.ids
+            else view
+            for name, view in self.scene.episode.views.items()
+        }
+        return replace(self.scene.episode, views=views)
 
     @cached_property
     def _was(self) -> Callable[[str, int], Float32[np.ndarray, "h w"]]:

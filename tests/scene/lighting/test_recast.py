@@ -9,7 +9,7 @@ from rpaug import twin
 from rpaug.core.types import Body, Mesh, Relit
 from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
-from rpaug.scene.lighting import recast, rig
+from rpaug.scene.lighting import intrinsic, recast, rig
 from rpaug.scene.placement.untouched import without
 
 pytestmark = pytest.mark.gl
@@ -91,6 +91,18 @@ def test_what_is_put_in_casts_a_shadow_and_lies_in_one(shaded):
     covered = after.light("overhead", T, view.depth(T) - np.float32(1e-4), under)
     assert covered[gone].mean() < 0.9  # in the lid's shadow
     assert covered[view.ids(T) == table].max() <= 1
+
+
+def test_shadows_that_nothing_seen_casts_stay_on_the_floor(shaded):
+    take, scene = shaded
+    view, floor = take.episode.views["overhead"], take.truth.handles["floor"]
+    now = rig.turned(scene.relit.recorded, 0.3, 1.0)
+    cast = recast.of(replace(scene, relit=replace(scene.relit, now=now)))
+    before = intrinsic.share(scene, "overhead", T)
+    light = cast.light("overhead", T, view.depth(T), view.ids(T))
+    dark = (view.ids(T) == floor) & (before < 0.5)
+    assert dark.sum() > 100
+    assert np.median(light[dark]) < 0.6
 
 
 def scene_heights(view, table):
