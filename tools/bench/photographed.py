@@ -29,7 +29,7 @@ from rpaug.compose import inserted
 from rpaug.core import geometry, instance_ids, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
-from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.core.types import CameraView, Effect, Episode, Scene
 from rpaug.operators import insert
 from rpaug.pipeline import plan
 from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
@@ -68,6 +68,8 @@ class Row:
     depth: float  # metres that it is off, median
     grain: float  # its noise over time by the truth's, as taken; nan where nothing was put in
     fine: float  # the same of what differs from pixel to pixel
+    taken: float  # dB, of the truth as the camera takes it, with noise and files
+    masked: float  # dB, of the true colors within the masks of an edit of colors and the recording elsewhere
     error: float  # of the scene's depth, share, median
     told: float  # how far that was said to be off
     seconds: float
@@ -147,7 +149,7 @@ def asked(
     if "origin" in fields:
         x, y, z = fields["origin"]
         fields["origin"] = [x, y, z - TABLE]
-    shown_as(factor, fields, photographing.drawn(recorded.truth.seed))
+    image_shownas(factor, fields, photographing.drawn(recorded.truth.seed))
     if factor in WORDS:
         fields["target"] = {"text": rgb_only.NAMED}
     if factor != "distractor":
@@ -162,9 +164,13 @@ def asked(
     return fields, {"things": moved, **insert.light(scene)}
 
 
-def shown_as(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
-    """Colors as this camera shows them: one that is asked for exactly is meant as it will look. Images are albedos."""
+def image_shownas(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
+    """Colors and images as this camera shows them: what is asked for exactly is meant as it will look."""
     gain = np.array(faults.gain)
+    if "textures" in fields:
+        path = Path(fields["textures"]) / fields["texture"]
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        cv2.imwrite(str(path), np.rint(np.minimum(image * gain[::-1], 255)).astype(np.uint8))
     if "color" in fields:
         fields["color"] = {"rgb": (gain * fields["color"]["rgb"]).tolist()}
     if factor == "table_color":
@@ -219,7 +225,7 @@ def row(
     folder: Path,
 ) -> Row:
     """One edit, held against the truth."""
-    refused, start, figures = "", time.process_time(), (NOTHING,) * 7
+    refused, start, figures = "", time.process_time(), (NOTHING,) * 9
     try:
         fields, edit = asked(case, factor, scene, recorded, true, folder)
         copy = made(scene, case.operator, fields, edit)
@@ -273,12 +279,18 @@ def depth_error(scene: Scene, recorded: twin.Take) -> tuple[float, float]:
 def scored(
     scene: Scene, copy: Any, recorded: twin.Take, true: twin.Take, factor: str
 ) -> tuple[float, ...]:
-    """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in."""
+    """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in; dB
+    of the truth as taken, and of true colors within the masks."""
     seed = recorded.truth.seed
     faults = photographing.drawn(seed)
     goal = photographing.photographed(true.episode, faults, seed, noisy=False)
     was = photographing.photographed(recorded.episode, faults, seed, noisy=False)
-    squares, before, outside, count = [], [], 0, 0
+    taken = photographing.photographed(true.episode, faults, seed)
+    colors = registry.operator(CASES[factor].operator).effect == Effect.RGB
+    painted = [one.instance_ids for one in copy.scene.appearance if one.instance_ids and colors]
+    edited = sorted(frozenset().union(*painted))
+    squares: list[list[np.ndarray]] = [[], [], [], []]
+    outside, count = 0, 0
     masks, off = [0, 0], []
     shown: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
     for name, view in scene.episode.views.items():
@@ -291,28 +303,32 @@ def scored(
             judged = inside.copy()
             if factor in SEEN:
                 judged &= ~copy.tally.holes.get(f"{name}/{t}", np.zeros_like(inside))
-            squares.append(((now[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
-            before.append(((image[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
+            assert view.ids is not None
+            within = np.where(np.isin(view.ids(t), edited)[..., None], wanted, image)
+            for part, image_shown in zip(
+                squares, (now, image, taken.views[name].rgb(t), within), strict=True
+            ):
+                part.append(((image_shown[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
             outside += int(((now != image).any(-1) & ~inside).sum())
             count += int((~inside).sum())
             if factor == "distractor":
                 shown[name, t] = put_in(scene, copy.scene, true, name, t, masks, off)
-    db, unedited = (psnr(float(np.concatenate(part).mean())) for part in (squares, before))
+    db, unedited, noisy, within_masks = (
+        psnr(float(np.concatenate(part).mean())) for part in squares
+    )
     iou = masks[0] / max(masks[1], 1) if factor == "distractor" else NOTHING
     depth = float(np.median(np.concatenate(off))) if off else NOTHING
-    ratios = grain(copy, true, faults, seed, shown) if shown else (NOTHING, NOTHING)
-    return db, unedited, outside / max(count, 1), iou, depth, *ratios
+    ratios = grain(copy, taken, shown) if shown else (NOTHING, NOTHING)
+    share = outside / max(count, 1)
+    return db, unedited, share, iou, depth, *ratios, noisy, within_masks if edited else NOTHING
 
 
 def grain(
     copy: Any,
-    true: twin.Take,
-    faults: photographing.CameraFaults,
-    seed: int,
+    taken: Episode,
     shown: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
 ) -> tuple[float, float]:
     """How noisy what was put in is over time, by the truth as taken; and the same from pixel to pixel."""
-    taken = photographing.photographed(true.episode, faults, seed)
     sums = np.zeros((2, 2))
     for (name, t), mask in shown.items():
         if (name, t + 1) not in shown:
@@ -399,6 +415,8 @@ def report(found: list[Row]) -> None:
         "depth",
         "grain",
         "fine",
+        "taken",
+        "masked",
         "error",
         "told",
         "seconds",
