@@ -1,6 +1,6 @@
 """Every edit by the quality of its models, on the twin photographed, with depth, masks and calibration hidden.
 
-    python -m tools.bench.photographed [--seeds 6] [--first 0] [--quality middle] [--factor F] [--json]
+    python -m tools.bench.photographed [--seeds 6] [--first 0] [--quality middle] [--factor F] [--crf 23] [--posed]
 
 Of each seed's recording only the fixed cameras' colors are kept, as a cheap camera takes them
 (`tools.bench.photographing`), their intrinsics, and poses as far off as `rpaug calibrate` leaves them. Models of a
@@ -86,15 +86,15 @@ class Asked(AskedModels):
         return self.scripted
 
 
-def calibrated(episode: Episode, seed: int) -> Episode:
-    """The fixed cameras' colors, with intrinsics, and poses that are off; the table at z = 0."""
+def calibrated(episode: Episode, seed: int, *, posed: bool) -> Episode:
+    """The fixed cameras' colors, with intrinsics, and poses that are off, unless `posed`; the table at z = 0."""
     rng = np.random.default_rng([seed, 29])
     bare = rgb_only.bare(episode)
 
     def placed(name: str, view: CameraView) -> CameraView:
         true = episode.views[name].camera
         off = geometry.rigid(rng.normal(0, TURN, 3), rng.normal(0, PLACE, 3))
-        pose = lowered(true.cam_to_world[0]) @ off
+        pose = lowered(true.cam_to_world[0]) @ (np.eye(4) if posed else off)
         track = np.tile(pose, (episode.length, 1, 1))
         return replace(view, camera=replace(true, cam_to_world=track))
 
@@ -116,15 +116,19 @@ class Shot:
     seed: int
 
     @classmethod
-    def of(cls, recorded: twin.Take, changed: frozenset[int], seed: int) -> "Shot":
+    def of(
+        cls, recorded: twin.Take, changed: frozenset[int], faults: photographing.CameraFaults
+    ) -> "Shot":
         """Everything on the table has a name of its own, and what is changed is one thing."""
         handles = recorded.truth.handles.items()
         parts = sorted(h for n, h in handles if not n.startswith(rgb_only.ROOM))
         named = {f"thing{chr(97 + k)}": (h,) for k, h in enumerate(parts) if h not in changed}
         if changed:
             named[rgb_only.NAMED] = tuple(sorted(changed))
-        faults = photographing.drawn(seed)
-        seen = photographing.photographed(calibrated(recorded.episode, seed), faults, seed)
+        seed = recorded.truth.seed
+        seen = photographing.photographed(
+            calibrated(recorded.episode, seed, posed=faults.posed), faults, seed
+        )
         return cls(recorded, seen, named, seed)
 
     def scene(self, quality: str, folder: Path) -> Scene:
@@ -191,9 +195,16 @@ def made(scene: Scene, op: str, fields: Mapping[str, Any], edit: Any) -> Any:
 
 
 def rows(
-    seed: int, qualities: Sequence[str], look: twin.Look, factors: Sequence[str], folder: Path
+    seed: int,
+    qualities: Sequence[str],
+    look: twin.Look,
+    factors: Sequence[str],
+    folder: Path,
+    crf: int | None = None,
+    posed: bool = False,
 ) -> Iterator[Row]:
-    """The edits of one seed, by all qualities."""
+    """The edits of one seed, by all qualities; with `crf` the cameras film, with `posed` their places are known."""
+    faults = photographing.drawn(seed, crf, posed)
     task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
     takes: dict[Any, twin.Take] = {}
     scenes: dict[Any, tuple[Scene, float]] = {}
@@ -209,9 +220,9 @@ def rows(
             key = case.lamps, words, quality
             if key not in scenes:
                 start = time.process_time()
-                made = Shot.of(recorded, words, seed).scene(quality, folder)
+                made = Shot.of(recorded, words, faults).scene(quality, folder)
                 scenes[key] = made, time.process_time() - start
-            yield row(*scenes[key], case, factor, recorded, true, quality, folder)
+            yield row(*scenes[key], case, factor, recorded, true, quality, folder, faults)
 
 
 def row(
@@ -223,6 +234,7 @@ def row(
     true: twin.Take,
     quality: str,
     folder: Path,
+    faults: photographing.CameraFaults,
 ) -> Row:
     """One edit, held against the truth."""
     refused, start, figures = "", time.process_time(), (NOTHING,) * 9
@@ -233,7 +245,7 @@ def row(
             for t in range(copy.episode.length):
                 view.rgb(t)
         spent += time.process_time() - start
-        figures = scored(scene, copy, recorded, true, factor)
+        figures = scored(scene, copy, recorded, true, factor, faults)
     except RpaugError as refusal:
         refused = str(refusal)
     error, told = depth_error(scene, recorded)
@@ -277,12 +289,16 @@ def depth_error(scene: Scene, recorded: twin.Take) -> tuple[float, float]:
 
 
 def scored(
-    scene: Scene, copy: Any, recorded: twin.Take, true: twin.Take, factor: str
+    scene: Scene,
+    copy: Any,
+    recorded: twin.Take,
+    true: twin.Take,
+    factor: str,
+    faults: photographing.CameraFaults,
 ) -> tuple[float, ...]:
     """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in; dB
     of the truth as taken, and of true colors within the masks."""
     seed = recorded.truth.seed
-    faults = photographing.drawn(seed)
     goal = photographing.photographed(true.episode, faults, seed, noisy=False)
     was = photographing.photographed(recorded.episode, faults, seed, noisy=False)
     taken = photographing.photographed(true.episode, faults, seed)
@@ -389,6 +405,8 @@ def main() -> None:
     parser.add_argument("--quality", choices=scripted.QUALITIES, action="append")
     parser.add_argument("--factor", choices=tuple(CASES), action="append", help="only these edits")
     parser.add_argument("--shadows", action="store_true", help="lamps cast shadows")
+    parser.add_argument("--crf", type=int, help="the cameras film: H.264 of this quality")
+    parser.add_argument("--posed", action="store_true", help="cameras stand where they are said to")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     look = twin.Look(antialias=True, shadows=given.shadows)
@@ -396,7 +414,7 @@ def main() -> None:
     found = list[Row]()
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(given.first, given.first + given.seeds):
-            for one in rows(seed, *chosen, Path(folder)):
+            for one in rows(seed, *chosen, Path(folder), given.crf, given.posed):
                 found.append(one)
                 sys.stderr.write(f"{vars(one)}\n")
     if given.json:
