@@ -1,6 +1,6 @@
 """What was found of a scene, kept for whoever asks again: edits are tried before they are drawn, and drawn again."""
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import fields, replace
 from functools import wraps
@@ -34,17 +34,16 @@ def last(find: Callable[..., Found]) -> Callable[..., Found]:
 
 
 def _remembering(find: Callable[..., Found], most: Callable[[], int]) -> Callable[..., Found]:
-    held: deque[tuple[tuple[Any, ...], Found]] = deque()
+    held: tuple[tuple[tuple[Any, ...], Found], ...] = ()  # never changed: threads may be reading it
 
     @wraps(find)
     def remembered(*arguments: Any) -> Found:
+        nonlocal held
         for known, answer in held:
             if len(known) == len(arguments) and all(map(_same, known, arguments)):
                 return answer
         answer = find(*arguments)
-        held.appendleft((arguments, answer))
-        while len(held) > most():
-            held.pop()
+        held = ((arguments, answer), *held)[: most()]
         return answer
 
     return remembered

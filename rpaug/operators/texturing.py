@@ -207,7 +207,7 @@ class Texturing(Operator):
         described = albedo.describe(intrinsic.unshadowed(scene), instance_id, self.albedo)
         if self.albedo is None:
             described["albedo"] = shading.fully_lit(scene, described)
-        if agreement.of_one_tint(scene, instance_id):
+        if agreement.of_one_tint(scene, instance_id) and not agreement.modelled(scene):
             # It has one tint, and the proxy knows neither basin nor rim: what its brightness varies by is light.
             return described | {"smooth": None}
         best = intrinsic.best_light(scene, instance_id)

@@ -50,3 +50,18 @@ def test_a_photograph_is_what_its_camera_develops_and_noise() -> None:
     assert abs(off.mean()) < 0.5
     assert 1.5 < off.std() < 6
     assert np.array_equal(taken.rgb(2), taken.rgb(2))
+
+
+def test_a_film_is_nearer_to_what_was_developed_the_better_its_quality() -> None:
+    truth = episode()
+    off = []
+    for crf in (10, 40):
+        faults = photographing.CameraFaults((0.9, 0.8, 1.0), 0.5, 1.0, 95, crf)
+        taken = photographing.photographed(truth, faults, seed=1).views["front"]
+        clean = photographing.photographed(truth, faults, seed=1, noisy=False).views["front"]
+        off.append(
+            [np.abs(taken.rgb(t).astype(float) - clean.rgb(t)).mean() for t in range(LENGTH)]
+        )
+    good, poor = np.mean(off, 1)
+    assert len(off[0]) == LENGTH
+    assert 1 < good < poor / 1.5

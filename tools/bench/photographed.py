@@ -1,6 +1,6 @@
 """Every edit by the quality of its models, on the twin photographed, with depth, masks and calibration hidden.
 
-    python -m tools.bench.photographed [--seeds 6] [--first 0] [--quality middle] [--factor F] [--json]
+    python -m tools.bench.photographed [--seeds 6] [--first 0] [--quality middle] [--factor F] [--crf 23] [--posed]
 
 Of each seed's recording only the fixed cameras' colors are kept, as a cheap camera takes them
 (`tools.bench.photographing`), their intrinsics, and poses as far off as `rpaug calibrate` leaves them. Models of a
@@ -29,7 +29,7 @@ from rpaug.compose import inserted
 from rpaug.core import geometry, instance_ids, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
-from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.core.types import CameraView, Effect, Episode, Scene
 from rpaug.operators import insert
 from rpaug.pipeline import plan
 from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
@@ -68,6 +68,8 @@ class Row:
     depth: float  # metres that it is off, median
     grain: float  # its noise over time by the truth's, as taken; nan where nothing was put in
     fine: float  # the same of what differs from pixel to pixel
+    taken: float  # dB, of the truth as the camera takes it, with noise and files
+    masked: float  # dB, of the true colors within the masks of an edit of colors and the recording elsewhere
     error: float  # of the scene's depth, share, median
     told: float  # how far that was said to be off
     seconds: float
@@ -84,15 +86,15 @@ class Asked(AskedModels):
         return self.scripted
 
 
-def calibrated(episode: Episode, seed: int) -> Episode:
-    """The fixed cameras' colors, with intrinsics, and poses that are off; the table at z = 0."""
+def calibrated(episode: Episode, seed: int, *, posed: bool) -> Episode:
+    """The fixed cameras' colors, with intrinsics, and poses that are off, unless `posed`; the table at z = 0."""
     rng = np.random.default_rng([seed, 29])
     bare = rgb_only.bare(episode)
 
     def placed(name: str, view: CameraView) -> CameraView:
         true = episode.views[name].camera
         off = geometry.rigid(rng.normal(0, TURN, 3), rng.normal(0, PLACE, 3))
-        pose = lowered(true.cam_to_world[0]) @ off
+        pose = lowered(true.cam_to_world[0]) @ (np.eye(4) if posed else off)
         track = np.tile(pose, (episode.length, 1, 1))
         return replace(view, camera=replace(true, cam_to_world=track))
 
@@ -114,15 +116,19 @@ class Shot:
     seed: int
 
     @classmethod
-    def of(cls, recorded: twin.Take, changed: frozenset[int], seed: int) -> "Shot":
+    def of(
+        cls, recorded: twin.Take, changed: frozenset[int], faults: photographing.CameraFaults
+    ) -> "Shot":
         """Everything on the table has a name of its own, and what is changed is one thing."""
         handles = recorded.truth.handles.items()
         parts = sorted(h for n, h in handles if not n.startswith(rgb_only.ROOM))
         named = {f"thing{chr(97 + k)}": (h,) for k, h in enumerate(parts) if h not in changed}
         if changed:
             named[rgb_only.NAMED] = tuple(sorted(changed))
-        faults = photographing.drawn(seed)
-        seen = photographing.photographed(calibrated(recorded.episode, seed), faults, seed)
+        seed = recorded.truth.seed
+        seen = photographing.photographed(
+            calibrated(recorded.episode, seed, posed=faults.posed), faults, seed
+        )
         return cls(recorded, seen, named, seed)
 
     def scene(self, quality: str, folder: Path) -> Scene:
@@ -147,7 +153,7 @@ def asked(
     if "origin" in fields:
         x, y, z = fields["origin"]
         fields["origin"] = [x, y, z - TABLE]
-    shown_as(factor, fields, photographing.drawn(recorded.truth.seed))
+    image_shownas(factor, fields, photographing.drawn(recorded.truth.seed))
     if factor in WORDS:
         fields["target"] = {"text": rgb_only.NAMED}
     if factor != "distractor":
@@ -162,9 +168,13 @@ def asked(
     return fields, {"things": moved, **insert.light(scene)}
 
 
-def shown_as(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
-    """Colors as this camera shows them: one that is asked for exactly is meant as it will look. Images are albedos."""
+def image_shownas(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
+    """Colors and images as this camera shows them: what is asked for exactly is meant as it will look."""
     gain = np.array(faults.gain)
+    if "textures" in fields:
+        path = Path(fields["textures"]) / fields["texture"]
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        cv2.imwrite(str(path), np.rint(np.minimum(image * gain[::-1], 255)).astype(np.uint8))
     if "color" in fields:
         fields["color"] = {"rgb": (gain * fields["color"]["rgb"]).tolist()}
     if factor == "table_color":
@@ -185,9 +195,16 @@ def made(scene: Scene, op: str, fields: Mapping[str, Any], edit: Any) -> Any:
 
 
 def rows(
-    seed: int, qualities: Sequence[str], look: twin.Look, factors: Sequence[str], folder: Path
+    seed: int,
+    qualities: Sequence[str],
+    look: twin.Look,
+    factors: Sequence[str],
+    folder: Path,
+    crf: int | None = None,
+    posed: bool = False,
 ) -> Iterator[Row]:
-    """The edits of one seed, by all qualities."""
+    """The edits of one seed, by all qualities; with `crf` the cameras film, with `posed` their places are known."""
+    faults = photographing.drawn(seed, crf, posed)
     task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
     takes: dict[Any, twin.Take] = {}
     scenes: dict[Any, tuple[Scene, float]] = {}
@@ -203,9 +220,9 @@ def rows(
             key = case.lamps, words, quality
             if key not in scenes:
                 start = time.process_time()
-                made = Shot.of(recorded, words, seed).scene(quality, folder)
+                made = Shot.of(recorded, words, faults).scene(quality, folder)
                 scenes[key] = made, time.process_time() - start
-            yield row(*scenes[key], case, factor, recorded, true, quality, folder)
+            yield row(*scenes[key], case, factor, recorded, true, quality, folder, faults)
 
 
 def row(
@@ -217,9 +234,10 @@ def row(
     true: twin.Take,
     quality: str,
     folder: Path,
+    faults: photographing.CameraFaults,
 ) -> Row:
     """One edit, held against the truth."""
-    refused, start, figures = "", time.process_time(), (NOTHING,) * 7
+    refused, start, figures = "", time.process_time(), (NOTHING,) * 9
     try:
         fields, edit = asked(case, factor, scene, recorded, true, folder)
         copy = made(scene, case.operator, fields, edit)
@@ -227,7 +245,7 @@ def row(
             for t in range(copy.episode.length):
                 view.rgb(t)
         spent += time.process_time() - start
-        figures = scored(scene, copy, recorded, true, factor)
+        figures = scored(scene, copy, recorded, true, factor, faults)
     except RpaugError as refusal:
         refused = str(refusal)
     error, told = depth_error(scene, recorded)
@@ -271,14 +289,24 @@ def depth_error(scene: Scene, recorded: twin.Take) -> tuple[float, float]:
 
 
 def scored(
-    scene: Scene, copy: Any, recorded: twin.Take, true: twin.Take, factor: str
+    scene: Scene,
+    copy: Any,
+    recorded: twin.Take,
+    true: twin.Take,
+    factor: str,
+    faults: photographing.CameraFaults,
 ) -> tuple[float, ...]:
-    """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in."""
+    """dB inside, the recording's own, the share of pixels changed outside; IoU, depth and grain of what was put in; dB
+    of the truth as taken, and of true colors within the masks."""
     seed = recorded.truth.seed
-    faults = photographing.drawn(seed)
     goal = photographing.photographed(true.episode, faults, seed, noisy=False)
     was = photographing.photographed(recorded.episode, faults, seed, noisy=False)
-    squares, before, outside, count = [], [], 0, 0
+    taken = photographing.photographed(true.episode, faults, seed)
+    colors = registry.operator(CASES[factor].operator).effect == Effect.RGB
+    painted = [one.instance_ids for one in copy.scene.appearance if one.instance_ids and colors]
+    edited = sorted(frozenset().union(*painted))
+    squares: list[list[np.ndarray]] = [[], [], [], []]
+    outside, count = 0, 0
     masks, off = [0, 0], []
     shown: dict[tuple[str, int], Bool[np.ndarray, "h w"]] = {}
     for name, view in scene.episode.views.items():
@@ -291,28 +319,32 @@ def scored(
             judged = inside.copy()
             if factor in SEEN:
                 judged &= ~copy.tally.holes.get(f"{name}/{t}", np.zeros_like(inside))
-            squares.append(((now[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
-            before.append(((image[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
+            assert view.ids is not None
+            within = np.where(np.isin(view.ids(t), edited)[..., None], wanted, image)
+            for part, image_shown in zip(
+                squares, (now, image, taken.views[name].rgb(t), within), strict=True
+            ):
+                part.append(((image_shown[judged].astype(float) - wanted[judged]) ** 2).mean(-1))
             outside += int(((now != image).any(-1) & ~inside).sum())
             count += int((~inside).sum())
             if factor == "distractor":
                 shown[name, t] = put_in(scene, copy.scene, true, name, t, masks, off)
-    db, unedited = (psnr(float(np.concatenate(part).mean())) for part in (squares, before))
+    db, unedited, noisy, within_masks = (
+        psnr(float(np.concatenate(part).mean())) for part in squares
+    )
     iou = masks[0] / max(masks[1], 1) if factor == "distractor" else NOTHING
     depth = float(np.median(np.concatenate(off))) if off else NOTHING
-    ratios = grain(copy, true, faults, seed, shown) if shown else (NOTHING, NOTHING)
-    return db, unedited, outside / max(count, 1), iou, depth, *ratios
+    ratios = grain(copy, taken, shown) if shown else (NOTHING, NOTHING)
+    share = outside / max(count, 1)
+    return db, unedited, share, iou, depth, *ratios, noisy, within_masks if edited else NOTHING
 
 
 def grain(
     copy: Any,
-    true: twin.Take,
-    faults: photographing.CameraFaults,
-    seed: int,
+    taken: Episode,
     shown: Mapping[tuple[str, int], Bool[np.ndarray, "h w"]],
 ) -> tuple[float, float]:
     """How noisy what was put in is over time, by the truth as taken; and the same from pixel to pixel."""
-    taken = photographing.photographed(true.episode, faults, seed)
     sums = np.zeros((2, 2))
     for (name, t), mask in shown.items():
         if (name, t + 1) not in shown:
@@ -373,6 +405,8 @@ def main() -> None:
     parser.add_argument("--quality", choices=scripted.QUALITIES, action="append")
     parser.add_argument("--factor", choices=tuple(CASES), action="append", help="only these edits")
     parser.add_argument("--shadows", action="store_true", help="lamps cast shadows")
+    parser.add_argument("--crf", type=int, help="the cameras film: H.264 of this quality")
+    parser.add_argument("--posed", action="store_true", help="cameras stand where they are said to")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     look = twin.Look(antialias=True, shadows=given.shadows)
@@ -380,7 +414,7 @@ def main() -> None:
     found = list[Row]()
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(given.first, given.first + given.seeds):
-            for one in rows(seed, *chosen, Path(folder)):
+            for one in rows(seed, *chosen, Path(folder), given.crf, given.posed):
                 found.append(one)
                 sys.stderr.write(f"{vars(one)}\n")
     if given.json:
@@ -399,6 +433,8 @@ def report(found: list[Row]) -> None:
         "depth",
         "grain",
         "fine",
+        "taken",
+        "masked",
         "error",
         "told",
         "seconds",

@@ -16,8 +16,9 @@ from jaxtyping import Bool, Int32, UInt8
 
 from rpaug.core.types import CameraView, Episode
 from rpaug.providers.finder import AskedImage, Finder, overlap, plain
+from rpaug.scene.instances.image_edges import onto_edges
 
-RULE = "outlined 6"  # changes with what is made of the same masks, and is part of their name in the cache
+RULE = "outlined 7"  # changes with what is made of the same masks, and is part of their name in the cache
 FIRST_ID = 200_000  # instance ids from here on are of things that words were found by
 LINKED = 0.3  # intersection over union of one thing's masks in two frames that follow each other
 NEAR = 0.5  # of a mask's width, its middle moves at most between two of them if they do not overlap
@@ -278,7 +279,8 @@ def _across(
 def _drawn(
     view: CameraView, length: int, tracks: Sequence[tuple[int, _MaskTrack]]
 ) -> UInt8[np.ndarray, "t h w"]:
-    """Numbers (1 and up) of the things that each pixel of a camera shows; of two, that which is smaller there."""
+    """Numbers (1 and up) of the things that each pixel of a camera shows; of two, that which is smaller there. Outlines
+    are moved onto the image's edges."""
     shape = view.camera.height, view.camera.width
     out = np.zeros((length, *shape), np.uint8)
     if not tracks:
@@ -286,6 +288,7 @@ def _drawn(
     sizes = np.full((length, *shape), np.iinfo(np.int32).max, np.int32)
     for number, track in tracks:
         for t, mask in _filled(view, length, track.masks).items():
+            mask = onto_edges(view.rgb(t), mask)
             size = int(mask.sum())
             over = mask & (size < sizes[t])
             out[t][over], sizes[t][over] = number + 1, size

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Int32, UInt8
 
-from rpaug.core import sampling
+from rpaug.core import pixels, sampling
 from rpaug.core.types import Episode
 from rpaug.scene.instances import (
     backdrop,
@@ -35,6 +35,7 @@ from rpaug.scene.instances.watched import Watched
 
 LOOSE = 100_000  # instance ids from here on are of what never rests, by tint
 LOOKED = 8  # frames in which patches of color are held against outlines
+UNDER = 0.5  # share of a patch under outlines from which it is the things that they are of
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def _overlaid(episode: Episode, found: CameraInstanceMap, outlined: Outlined) ->
         view = episode.views[name]
         there = outlined.at(name, 0)
         there[part.backdrop.changed(view.rgb(0))] = 0
-        parts[name] = replace(part, resting=outlined.on_top(part.resting, there))
+        parts[name] = replace(part, resting=_under(part.resting, there))
         for t in sampling.frames(episode.length, LOOKED):
             above, below = outlined.at(name, t), found.ids(name, t, view.rgb(t))
             for patch in found.manipulated:
@@ -140,6 +141,20 @@ def _overlaid(episode: Episode, found: CameraInstanceMap, outlined: Outlined) ->
         manipulated=frozenset(moved),
         outlined=outlined,
     )
+
+
+def _under(
+    resting: Int32[np.ndarray, "h w"], there: Int32[np.ndarray, "h w"]
+) -> Int32[np.ndarray, "h w"]:
+    """The instance ids with what models outlined on top. The rim that is left over of a patch of color under an outline
+    is a mixture of it and what is around, and goes with that."""
+    out, outlined = Outlined.on_top(resting, there), there > 0
+    for patch in set(np.unique(resting[outlined]).tolist()) - {SUPPORT, AROUND, MOVING}:
+        held = resting == patch
+        if outlined[held].mean() >= UNDER and (around := ~held & ~outlined).any():
+            rim = held & ~outlined
+            out[rim] = resting.reshape(-1)[pixels.nearest(around)[0][rim]]
+    return out
 
 
 def _with_gripped(episode: Episode, found: CameraInstanceMap) -> CameraInstanceMap:

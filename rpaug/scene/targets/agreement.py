@@ -29,6 +29,12 @@ def of_one_tint(scene: Scene, instance_id: int) -> bool:
     return photographed(scene) and instance_id not in others
 
 
+def modelled(scene: Scene) -> bool:
+    """Has every camera of a photographed scene that shows anything a depth that a model gave?"""
+    proxies = [view.proxy for view in scene.episode.views.values()]
+    return all(proxy is None or proxy.modelled or proxy.blank for proxy in proxies)
+
+
 def apart(scene: Scene) -> frozenset[int]:
     """Instances that are robot, table or background, or may be."""
     held = [scene.roles.get(role, frozenset()) for role in APART]
