@@ -218,10 +218,25 @@ def test_the_job_of_the_documents_runs_as_submitted(
         while subprocess.run(ready, capture_output=True).returncode:
             time.sleep(1)  # until the dashboard has found the node
         subprocess.run(["bash", "job.sh"], cwd=tmp_path, check=True)
+        named = shown_in_the_dashboard(f"http://127.0.0.1:{port}")
     finally:
         head.shutdown()
     augment(tmp_path / "data/train/open_drawer", recipe.build(RECIPE), tmp_path / "one")
     assert shown(tmp_path / "augmented") == contents(tmp_path / "one")
+    assert named == {f"{GROUP}/episode{number}": "FINISHED" for number in range(2)}
+
+
+def shown_in_the_dashboard(address: str) -> dict[str, str]:
+    """Our tasks by name, with their states; it hears of them a second later."""
+    from ray.util.state import list_tasks
+
+    ends = time.monotonic() + 20
+    while True:
+        tasks = list_tasks(address=address, filters=[("func_or_class_name", "=", "done")])
+        found = {one.name: one.state for one in tasks}
+        if (found and {*found.values()} == {"FINISHED"}) or time.monotonic() > ends:
+            return found
+        time.sleep(1)
 
 
 def free_port() -> int:
