@@ -369,7 +369,7 @@ def camera(words: Sequence[str], at: int, cameras: Sequence[str]) -> tuple[int, 
                 (
                     n
                     for n in (k + 1, k + 2)
-                    if (words[n - 1] != "the" or n > k + 1) and _name(words, n, cameras)
+                    if (words[n - 1 : n] != ["the"] or n > k + 1) and _name(words, n, cameras)
                 ),
                 0,
             )

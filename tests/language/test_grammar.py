@@ -153,6 +153,12 @@ WORDS = st.sampled_from(
 )
 
 
+@pytest.mark.parametrize("wish", ["raise the front and", "front , the", "tilt front,"])
+def test_a_camera_before_a_list_that_breaks_off(wish: str) -> None:
+    with pytest.raises(NotUnderstood):
+        said_after(wish, (), WishContext(cameras=("front", "front_left")))
+
+
 @settings(max_examples=150, deadline=None)
 @given(st.lists(WORDS, max_size=12))
 def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
