@@ -57,6 +57,7 @@ def peak(episodes: int, as_json: bool, monkeypatch: pytest.MonkeyPatch) -> int:
         recipe=recipe.build(bench.recipe("tiny", "light_color", 1)),
         source=Path(),
         tier=0,
+        linked=False,
     )
     with Path(os.devnull).open("w") as nowhere:
         monkeypatch.setattr(augment, "check", lambda *_: None)

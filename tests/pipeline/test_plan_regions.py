@@ -148,7 +148,7 @@ def test_gaussians_show_a_region_in_a_view_of_surfels(monkeypatch: pytest.Monkey
     monkeypatch.setattr(
         views,
         "_gaussians",
-        lambda scene, name, t: views.Frame(255 - rgb, depth + 1, ids, np.zeros(ids.shape, bool)),
+        lambda *given: views.Frame(255 - rgb, depth + 1, ids, np.zeros(ids.shape, bool)),
     )
     shown = views.edited(
         known, {"front": 1, "overhead": 0}, lambda *given: None, {"front": frozenset({BALL})}
