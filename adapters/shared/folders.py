@@ -216,6 +216,8 @@ def refuse(spoilt: Iterable[Path]) -> None:
 
 
 def write_files(folder: Path, named: Mapping[str, bytes]) -> None:
-    """Files of a folder that is being written, by name."""
+    """Files of a folder that is being written, by name, each a new one: what was passed on there may be a link to a
+    recorded file."""
     for name, data in named.items():
+        (folder / name).unlink(missing_ok=True)
         (folder / name).write_bytes(data)
