@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from analytic import BALL, scene
 
-from rpaug import Edit, Effect, Episode, Needs, Operator, Scene, Unsupported
+from rpaug import Edit, Effect, Needs, Operator, Scene, Unsupported
 from rpaug.core import geometry, registry
 from rpaug.operators.camera_pose import CameraPose
 from rpaug.operators.light_color import LightColor
@@ -58,28 +58,6 @@ def test_the_cost_grows_with_copies_and_tiers() -> None:
     cheap = plan.make([LightColor()], episode).cost(episode, 1)
     assert plan.make([LightColor()], episode).cost(episode, 2)["megabytes"] >= cheap["megabytes"]
     assert plan.make([LightColor()], episode, tier=3).cost(episode, 1)["seconds"] > cheap["seconds"]
-
-
-@pytest.mark.parametrize("tier", [0, 1, 3])
-def test_every_copy_and_every_pixel_is_counted(tier: int) -> None:
-    """What a copy costs more than its own constant goes with the pixels of its episode, and so does reading that."""
-    episode = scene(EYES, length=2).episode
-    made = plan.make([LightColor()], episode, tier=tier)
-    twice = replace(episode, length=2 * episode.length)
-
-    def grown(of: Episode, name: str) -> float:
-        ten, eleven = (made.cost(of, copies)[name] for copies in (10, 11))
-        return eleven - ten
-
-    own = {"seconds": plan.SECONDS_COPY, "megabytes": plan.BYTES_A_COPY / 1e6}
-    for name, constant in own.items():
-        more = grown(episode, name) - constant
-        assert more > 0
-        assert grown(twice, name) - constant == pytest.approx(2 * more)
-        first = made.cost(episode, 1)[name]
-        assert made.cost(episode, 1001)[name] == pytest.approx(first + 1000 * (more + constant))
-    read = [made.cost(one, 0)["seconds"] for one in (episode, twice)]
-    assert read[1] > read[0]
 
 
 A, B = {"handle": 1}, {"handle": 2}
