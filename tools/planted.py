@@ -1,11 +1,12 @@
 """Plant bugs one at a time, each in a copy of the checkout that is thrown away, and see whether a test notices.
 
-    python -m tools.planted [LIST] [--part first] [--only NAME] [--out FILE] [--record]
+    python -m tools.planted [LIST] [--part first] [--only NAME] [--far [TESTS ...]] [--out FILE] [--record]
 
 LIST is a TOML file, a table a bug: `file`, `old` text that stands there once, `new` text, what a user `suffers`, and
-the `part` of the list that it belongs to. Tests that name the bug's module run first, then the others of the folder
-that mirrors it, then those that import the module, or one that does. A bug is noticed by a test that fails with it and
-passes without it; the first such test ends the run. No real recordings are read.
+the `part` of the list that it belongs to. The nearest tests run first, bug by bug: of the folder that mirrors the
+module those that import it over the fewest steps. With --far the rest of that folder and those that import the module,
+or one that does, or the named files, run once with all bugs planted that nothing told. A bug is noticed by a test that
+fails with it and passes without it. No real recordings are read.
 
 FILE keeps what came of each try, with its commit; what was noticed is not tried again. --record writes the figures of
 FILE onto the benchmarks' page: the first try of each bug is how the tests were, the last how they are.
@@ -22,9 +23,10 @@ import sys
 import tempfile
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 
 from tools import architecture
@@ -51,12 +53,6 @@ class PlantedBug:
     old: str
     new: str
     suffers: str
-
-    @property
-    def layer(self) -> str:
-        """The folder of the code that it is in."""
-        first, second, *_ = Path(self.file).parts
-        return second if first == "rpaug" else first
 
     def planted(self, root: Path) -> str:
         """The file's text with the bug. Raises ValueError unless the old text stands there once."""
@@ -85,7 +81,8 @@ def stages(file: str, root: Path = ROOT) -> list[list[str]]:
     steps |= {name: 0 for name in tests if Path(name).name == f"test_{Path(file).stem}.py"}
     nearest = sorted(tests, key=steps.__getitem__)
     mirror = [name for name in nearest if (root / name).is_relative_to(home)]
-    first = [name for name in mirror if steps[name] == 0]
+    least = min((steps[name] for name in mirror), default=0)
+    first = [name for name in mirror if steps[name] == least < FAR]
     others = [name for name in nearest if name not in mirror and steps[name] <= 1]
     return [first, mirror[len(first) :], others]
 
@@ -113,9 +110,11 @@ class ThrownAway:
 
     def __init__(self, root: Path, work: Path) -> None:
         self.root, self.work, self.copy = root, work, work / "copy"
-        (work / "packages").mkdir()
+        (work / "packages").mkdir(parents=True, exist_ok=True)
         for package, folder in architecture.PACKAGES.items():
-            (work / "packages" / package).symlink_to(self.copy / folder)
+            link = work / "packages" / package
+            if not link.is_symlink():
+                link.symlink_to(self.copy / folder)
 
     def renew(self) -> None:
         """All files that git knows or does not ignore, as they are in the checkout."""
@@ -129,14 +128,26 @@ class ThrownAway:
                 (self.copy / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(self.root / name, self.copy / name)
 
-    def fails(self, bug: PlantedBug, tests: Sequence[str], but: Sequence[str] = ()) -> str | None:
-        """The first test that fails in the copy as it is now."""
-        command = [sys.executable, "-m", "pytest", "-x", "--tb=no", "-p", "no:cacheprovider"]
-        skipped = [f"--deselect={one}" if "::" in one else f"--ignore={one}" for one in but]
+    def fails(self, bugs: Sequence[PlantedBug], tests: Sequence[str], *asked: str) -> list[str]:
+        """The tests that fail with these bugs, one of which may be that they have no end."""
+        for bug in bugs:
+            (self.copy / bug.file).write_text(bug.planted(self.copy))
+        code, said = self._run([*asked, *tests], self._environment(bugs))
+        for bug in bugs:
+            shutil.copy2(self.root / bug.file, self.copy / bug.file)
+        if code is None:
+            return [HUNG]
+        found = FAILED.findall(said)
+        if not found and code not in (0, 5):  # 5: no test is left
+            raise SystemExit(f"pytest ended with {code}:\n{said[-2000:]}")
+        return found
+
+    def _run(self, asked: Sequence[str], settings: Mapping[str, str]) -> tuple[int | None, str]:
+        """How pytest ended, None if it did not, and what it printed."""
         child = subprocess.Popen(
-            [*command, *skipped, *tests],
+            [sys.executable, "-m", "pytest", "--tb=no", "-p", "no:cacheprovider", *asked],
             cwd=self.copy,
-            env=self._environment(bug),
+            env=settings,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -147,17 +158,13 @@ class ThrownAway:
         except subprocess.TimeoutExpired:
             os.killpg(child.pid, signal.SIGKILL)
             child.wait()
-            return HUNG
-        if child.returncode in (0, 5):  # 5: no test is left
-            return None
-        found = FAILED.search(said)
-        if found is None:
-            raise SystemExit(f"{bug.name}: pytest ended with {child.returncode}:\n{said[-2000:]}")
-        return found[1]
+            return None, ""
+        return child.returncode, said
 
-    def _environment(self, bug: PlantedBug) -> dict[str, str]:
+    def _environment(self, bugs: Sequence[PlantedBug]) -> dict[str, str]:
         """The copy's own code; kernels of an unchanged folder may come from the runs before."""
-        own = "jit" in (self.root / bug.file).read_text()  # numba does not see what a kernel calls
+        texts = ((self.root / bug.file).read_text() for bug in bugs)
+        own = any("jit" in text for text in texts)  # numba does not see what a kernel calls
         kept = {name: value for name, value in os.environ.items() if name not in MISLEADING}
         return kept | {
             "OMP_NUM_THREADS": "1",
@@ -168,24 +175,68 @@ class ThrownAway:
         }
 
 
+def nearest(
+    bugs: Iterable[PlantedBug], place: ThrownAway
+) -> Iterator[tuple[PlantedBug, str | None]]:
+    """Each bug, and which of the tests nearest to it tells it."""
+    for bug in bugs:
+        yield bug, noticed(bug, place)
+
+
 def noticed(bug: PlantedBug, place: ThrownAway) -> str | None:
-    """The test that fails with the bug and passes without it; None if there is none."""
-    text = bug.planted(place.root)
+    """The first of the nearest tests that fails with the bug and passes without it; None if there is none."""
     place.renew()
-    file, without = place.copy / bug.file, list[str]()
-    for tests in stages(bug.file, place.root):
-        while tests:
-            file.write_text(text)
-            failed = place.fails(bug, tests, without)
-            if failed is None or failed == HUNG:
-                break
-            shutil.copy2(place.root / bug.file, file)
-            if place.fails(bug, [failed]) is None:
-                return failed
-            without.append(failed)
-        if tests and failed == HUNG:
-            return HUNG
+    tests, without = stages(bug.file, place.root)[0], list[str]()
+    while tests:
+        left_out = [f"--{'deselect' if '::' in one else 'ignore'}={one}" for one in without]
+        failed = place.fails([bug], tests, "-x", *left_out)
+        if not failed or failed == [HUNG]:
+            return failed[0] if failed else None
+        if not place.fails([], failed):
+            return failed[0]
+        without += failed
     return None
+
+
+def noticed_by_others(
+    bugs: Sequence[PlantedBug], place: ThrownAway, named: Sequence[str] = ()
+) -> Iterator[tuple[PlantedBug, str | None]]:
+    """Each of the bugs, and which of the tests beyond the nearest tells it, or of the `named` files.
+
+    All are planted at once; each test that fails then is run with one after the other.
+    """
+    left = list(bugs)
+    wanted = {name for bug in bugs for files in stages(bug.file, place.root)[1:] for name in files}
+    place.renew()
+    for tests in batches(named or sorted(wanted)):
+        failed = place.fails(left, tests)
+        print(f"{tests[0]} and {len(tests) - 1} more: {len(failed)} fail", flush=True)
+        if HUNG in failed:
+            raise SystemExit(f"{HUNG} within {MOST_MINUTES} minutes: name fewer files")
+        anyway = place.fails([], failed) if failed else []
+        failed = [test for test in failed if test not in anyway]
+        while failed:
+            test, *failed = failed
+            told = next(
+                (one for one in _near_first(left, test, place.root) if place.fails([one], [test])),
+                None,
+            )
+            if told is not None:
+                left.remove(told)
+                yield told, test
+                failed = place.fails(left, failed) if failed else []
+    yield from ((bug, None) for bug in left)
+
+
+def _near_first(bugs: Iterable[PlantedBug], test: str, root: Path) -> list[PlantedBug]:
+    """Bugs by how near a test is to the module that each is in."""
+    file = test.partition("::")[0]
+    return sorted(bugs, key=lambda bug: [file not in one for one in stages(bug.file, root)])
+
+
+def batches(tests: Sequence[str]) -> list[list[str]]:
+    """Files of tests by their folder."""
+    return [list(files) for _, files in groupby(tests, lambda name: Path(name).parent)]
 
 
 def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
@@ -196,35 +247,34 @@ def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def _row(name: str, bugs: Sequence[PlantedBug], tries: Tries) -> list[pages.Cell]:
-    before, now = (sum(tries[bug.name][at]["by"] is not None for bug in bugs) for at in (0, -1))
+    before = sum(_at_first(tries[bug.name]) for bug in bugs)
+    now = sum(tries[bug.name][-1]["by"] is not None for bug in bugs)
     low, high = wilson(before, len(bugs))
     share: pages.Cell = {"value": round(100 * before / len(bugs), 1), "target": f">= {TARGET}"}
     return [name, len(bugs), share, f"{low:.0f} to {high:.0f}", round(100 * now / len(bugs), 1)]
 
 
-def table(bugs: Iterable[PlantedBug], tries: Tries) -> pages.Table:
-    """The figures of all bugs that were tried, by part and by layer."""
-    parts, layers = (
-        defaultdict[str, list[PlantedBug]](list),
-        defaultdict[str, list[PlantedBug]](list),
-    )
+def _at_first(tried: Sequence[Mapping[str, str | None]]) -> bool:
+    """Whether any test of the commit of the first try told it, near or far."""
+    return any(one["by"] for one in tried if one["commit"] == tried[0]["commit"])
+
+
+def table(
+    bugs: Iterable[PlantedBug], tries: Tries, known: Iterable[list[pages.Cell]]
+) -> pages.Table:
+    """The figures of each part of the list that was tried, and those `known` of the others."""
+    parts = defaultdict[str, list[PlantedBug]](list)
     for bug in (bug for bug in bugs if bug.name in tries):
         parts[bug.part].append(bug)
-        if bug.part != "named":
-            layers[bug.layer].append(bug)
-    fresh = [bug for of in layers.values() for bug in of]
-    rows = [_row(name, of, tries) for name, of in parts.items()]
-    rows += [_row("all fresh ones", fresh, tries)] if fresh else []
-    for name, of in sorted(layers.items()):
-        row = _row(name, of, tries)
-        rows.append([*row[:2], str(pages.plain(row[2])), *row[3:]])
+    rows = {str(row[0]): row for row in known}
+    rows |= {name: _row(name, of, tries) for name, of in parts.items()}
     return pages.Table(
         id="planted",
-        title="Bugs planted one at a time, noticed by the tests without real recordings",
+        title="Planted bugs that the tests notice without real recordings",
         command="python -m tools.planted --record",
         seeds="first try of each, and the last with the tests since",
         columns=["planted", "bugs", "noticed, %", "95 % interval", "with the tests since, %"],
-        rows=rows,
+        rows=list(rows.values()),
         **pages.stamp(),
     )
 
@@ -238,25 +288,40 @@ def main() -> None:
         "--only", action="append", help="Only this bug; may be given several times."
     )
     parser.add_argument("--out", type=Path, default=ROOT / "bench-output" / "planted.json")
+    parser.add_argument(
+        "--far", nargs="*", help="For what the nearest let go by: the others, or these files."
+    )
+    parser.add_argument("--work", type=Path, help="Keep the copy and its kernels here.")
     parser.add_argument("--record", action="store_true", help="Write the figures of all tries.")
     given = parser.parse_args()
     bugs = read(given.list)
-    for bug in bugs:
-        bug.planted(ROOT)
     tries: Tries = json.loads(given.out.read_text()) if given.out.exists() else {}
     given.out.parent.mkdir(parents=True, exist_ok=True)
+    asked = [
+        bug
+        for bug in bugs
+        if given.part in (None, bug.part)
+        and bug.name in (given.only or [bug.name])
+        and not (bug.name in tries and tries[bug.name][-1]["by"])
+    ]
+    for bug in asked:
+        bug.planted(ROOT)
     with tempfile.TemporaryDirectory() as work:
-        place = ThrownAway(ROOT, Path(work))
-        for bug in bugs:
-            other = given.part not in (None, bug.part) or bug.name not in (given.only or [bug.name])
-            if other or (bug.name in tries and tries[bug.name][-1]["by"]):
-                continue
-            by = noticed(bug, place)
-            tries.setdefault(bug.name, []).append({"commit": pages.stamp()["commit"], "by": by})
+        place = ThrownAway(ROOT, given.work or Path(work))
+        far = given.far is not None
+        found = noticed_by_others(asked, place, given.far) if far else nearest(asked, place)
+        for bug, by in found:
+            one = {
+                "commit": pages.stamp()["commit"],
+                "tests": "farther" if far else "nearest",
+                "by": by,
+            }
+            tries.setdefault(bug.name, []).append(one)
             given.out.write_text(json.dumps(tries, indent=1))
             print(f"{bug.part:8}{bug.name:28}{by or 'NOT NOTICED: ' + bug.suffers}", flush=True)
     if given.record:
-        pages.record("planted", table(bugs, tries))
+        (before,) = pages.load("planted").tables
+        pages.record("planted", table(bugs, tries, before.rows))
 
 
 if __name__ == "__main__":

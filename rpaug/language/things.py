@@ -339,15 +339,18 @@ class Namer:
         return found
 
     def _seen(self, target: Target, words: str) -> Target:
-        """The target, in another color's name if nothing of the scene is of the one that was said."""
+        """The target, in another color's name if nothing of the scene is of the one that was said.
+
+        Raises TargetError where no near color is there either, and where several things are of the one that was said.
+        """
         tints = [word for word in words.split() if word in NEARLY]
         if self.recording is None or len(tints) != 1:
             return target
         try:
             self.ids(target)
         except TargetError as error:
-            for other in NEARLY[tints[0]]:
-                said = words.replace(tints[0], other)
+            for other in () if self._any(words) else NEARLY[tints[0]]:
+                said = " ".join(other if word == tints[0] else word for word in words.split())
                 near: Target = {"text": said, "all": True} if isinstance(target, dict) else said
                 with contextlib.suppress(TargetError):
                     self.ids(near)
@@ -357,6 +360,12 @@ class Namer:
                     return near
             raise error from None
         return target
+
+    def _any(self, words: str) -> bool:
+        """Whether something fits some words, be it one thing or several."""
+        with contextlib.suppress(TargetError):
+            return bool(self.ids({"text": words, "all": True}))
+        return False
 
     def _check(self, words: str) -> None:
         try:

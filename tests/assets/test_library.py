@@ -308,16 +308,31 @@ def test_the_library_is_searched_and_shown(tmp_path):
     assert CliRunner().invoke(app, ["assets", "show", "no_such_thing"]).exit_code == 2
 
 
-def test_gaussians_become_squares_of_their_color(tmp_path):
+def cloud(count: int) -> Gaussians:
+    """Flat, level Gaussians of a light gray."""
     rng = np.random.default_rng(0)
-    count = 50
     means = rng.normal(0, 0.05, (count, 3)).astype(np.float32)
     sh = np.tile(np.float32((0.9 - 0.5) / reading.EVEN), (count, 1, 3))
-    gaussians = Gaussians(
+    return Gaussians(
         means, np.tile(np.float32([1, 0, 0, 0]), (count, 1)), np.tile(np.float32([0.01, 0.01, 0.001]), (count, 1)),
         np.full(count, 0.9, np.float32), sh, np.zeros(count, np.int32),
     )  # fmt: skip
-    gaussian_files.write(tmp_path / "cloud.ply", gaussians)
+
+
+@pytest.mark.parametrize("options", [[], ["--gaussians", "500"], ["--category", "cup"]])
+def test_a_file_of_gaussians_keeps_its_own_whatever_is_asked(tmp_path, options):
+    gaussian_files.write(tmp_path / "cloud.ply", cloud(50))
+    done = CliRunner().invoke(app, ["assets", "add", str(tmp_path / "cloud.ply"), *options])
+    assert done.exit_code == 0, done.output
+    kept = library.gaussians("cloud")
+    for name in ("means", "quats", "scales", "sh"):
+        np.testing.assert_allclose(getattr(kept, name), getattr(cloud(50), name), rtol=1e-5)
+    assert not library.outlined("cloud")
+
+
+def test_gaussians_become_squares_of_their_color(tmp_path):
+    count = 50
+    gaussian_files.write(tmp_path / "cloud.ply", cloud(count))
     thing, _ = reading.read(tmp_path / "cloud.ply")
     assert len(thing.faces) == 2 * count
     np.testing.assert_allclose(np.abs(thing.normals[:, 2]), 1, atol=1e-6)

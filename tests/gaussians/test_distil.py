@@ -9,6 +9,7 @@ import pytest
 from boxes import OTHER, PAD, Box, World, at
 from pydantic import ValidationError
 
+from rpaug.core import geometry
 from rpaug.core.errors import TargetError, Unsupported
 from rpaug.core.types import Body, Episode, Gaussians, Scene
 from rpaug.gaussians import parts, semantic
@@ -191,3 +192,39 @@ def test_overlap_of_boxes() -> None:
     assert overlap((0, 0, 9, 9), (5, 0, 14, 9)) == pytest.approx(1 / 3)
     assert overlap((0, 0, 1, 1), (5, 5, 6, 6)) == 0
     assert overlap(None, (0, 0, 1, 1)) == 0
+
+
+def test_a_part_of_what_moves_is_found_where_it_went(fine: Episode) -> None:
+    """The box slides and turns from frame to frame: masks of all frames lie on its lid as it is there."""
+    made, length = world(), 3
+    motion = np.stack(
+        [
+            geometry.rigid(np.array([0, 0, 0.5 * t]), np.array([-0.08 * t, 0.1 * t, 0.0]))
+            for t in range(length)
+        ]
+    )
+    things = {
+        one: replace(box, poses=motion @ box.poses) if one in (PAD, LID) else box
+        for one, box in made.boxes.items()
+    }
+    episode = replace(made, boxes=things).episode()
+    still = np.tile(np.eye(4), (length, 1, 1))
+    bodies = tuple(
+        Body(
+            frozenset([one]), motion if one == PAD else still, "aligned" if one == PAD else "static"
+        )
+        for one in sorted({*things} - {LID})
+    )
+    cameras = {name: view.camera for name, view in episode.views.items()}
+    bare = Scene(coarse(episode), cameras, bodies, {"receiver": frozenset({PAD})}, False, ())
+    scene = replace(bare, gaussians=seeds(bare))
+    prompt = semantic.PartPrompt("front", 0, box_of(episode, "front", LID))
+    given = semantic.tell_apart(scene, frozenset([PAD]), prompt)
+    assert given.finer
+    later = [one for one in given.pictures if one.t > 0]
+    assert later
+    for one in later:
+        ids = episode.views[one.camera].ids
+        assert ids is not None
+        found, true = one.ids == given.instance_id, ids(one.t) == LID
+        assert (found & true).sum() / (found | true).sum() > 0.5

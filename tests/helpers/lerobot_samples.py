@@ -77,8 +77,12 @@ def halved(view: CameraView) -> CameraView:
     return replace(view, rgb=lambda t: view.rgb(t) // 2)
 
 
-def filmed_depth(root: Path) -> Path:
-    """A dataset whose depth is a video, as LeRobot's recorder writes it; one corner was not measured."""
+def filmed_depth(root: Path, more: tuple[int, int] = (0, 0)) -> Path:
+    """A dataset whose depth is a video, as LeRobot's recorder writes it; one corner was not measured.
+
+    The film is so many columns and rows larger than the color's.
+    """
+    wide, high = more
     adapter = LeRobot()
     for number in range(2):
         made, own = episode(number, 3 + number), root / f"toy/train/{number}"
@@ -92,10 +96,12 @@ def filmed_depth(root: Path) -> Path:
         with av.open(str(own / f"{DEPTH}.mp4"), "w", format="mp4") as film:
             options = {"g": "1", "x265-params": "lossless=1:log-level=none"}
             stream = film.add_stream("libx265", rate=10, options=options)
-            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "gray12le"
+            stream.width, stream.height = WIDTH + wide, HEIGHT + high
+            stream.pix_fmt = "gray12le"
             for t in range(made.length):
                 values = codes.Scale(**FILMED).codes(made.views["front"].depth(t))
                 values[:8, :8] = 0
+                values = np.pad(values, ((0, high), (0, wide)))
                 frame = av.VideoFrame.from_ndarray(values, format="gray12le")
                 film.mux(stream.encode(frame))
             film.mux(stream.encode())

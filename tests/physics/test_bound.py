@@ -3,12 +3,15 @@
 Moments hold places as half floats, in multiples of a standard deviation: good to a tenth of a millimetre here.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rpaug.core import geometry
 from rpaug.core.types import Gaussians
 from rpaug.gaussians import frame_residuals, gaussians, harmonics
+from rpaug.gaussians.carrying import SH0
 from rpaug.gaussians.flowing import shapes
 from rpaug.physics import bound, filling
 
@@ -90,3 +93,30 @@ def test_columns_fill_a_box_that_stands(order: int) -> None:
     assert volume.sum() == pytest.approx(0.1 * 0.08 * 0.06, rel=0.08)
     assert (places > [0.297, -0.203, 0.75]).all()
     assert (places < [0.403, -0.117, 0.812]).all()
+
+
+def test_the_inside_has_the_colors_of_the_surface_around_it() -> None:
+    """Each blob looks like the Gaussian of the surface that is nearest to it; those near the surface are left out."""
+    surface, rest, spacing = some(terms=1), particles(), 0.01
+    surface = replace(surface, ids=(np.arange(40) % 3).astype(np.int32))
+    tied = bound.bind(surface, rest, spacing, 1, inside=True)
+    inner = gaussians.chosen(tied.gaussians, np.arange(len(tied.gaussians)) >= len(surface))
+    away = np.linalg.norm(rest[:, None] - surface.means, axis=-1)
+    deep = away.min(1) > spacing
+    np.testing.assert_allclose(inner.means, rest[deep], atol=1e-6)
+    like = away[deep].argmin(1)
+    np.testing.assert_allclose(inner.sh[:, 0], surface.sh[like, 0].clip(-0.5 / SH0, 0.5 / SH0))
+    np.testing.assert_array_equal(inner.ids, surface.ids[like])
+    np.testing.assert_allclose(inner.opacities, surface.opacities[like])
+
+
+@pytest.mark.parametrize("neighbours", [1, 3, 8])
+def test_shares_are_of_the_nearest_particles_and_fall_with_distance(neighbours: int) -> None:
+    rest = particles()
+    tied = bound.bind(some(), rest, 0.01, neighbours, inside=False)
+    away = np.linalg.norm(some().means[:, None] - rest, axis=-1)
+    np.testing.assert_allclose(tied.shares.sum(1), 1)
+    np.testing.assert_allclose(
+        np.take_along_axis(away, tied.particles, 1), np.sort(away, 1)[:, :neighbours], atol=1e-6
+    )
+    assert (np.diff(tied.shares, axis=1) <= 1e-12).all()

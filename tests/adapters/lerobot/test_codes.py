@@ -26,6 +26,18 @@ def filmed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return filmed_depth(tmp_path / "filmed")
 
 
+@pytest.mark.parametrize("more", [(8, 0), (0, 8), (8, 8)], ids=["width", "height", "both"])
+def test_a_film_of_another_size_than_the_color_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: tuple[int, int]
+) -> None:
+    """Along either side alone: a pixel of it would mean another ray."""
+    for side in ("HEIGHT", "WIDTH"):
+        monkeypatch.setattr(lerobot_samples, side, video.HEVC_LEAST)
+    root = filmed_depth(tmp_path / "filmed", more)
+    with pytest.raises(BadInput, match=r"another size.*as the color"):
+        LeRobot().read(root, "toy/train/0")
+
+
 def stored(root: Path, key: str) -> list[np.ndarray]:
     span = LeRobot().read(root, key).source.spans[DEPTH]
     frames = video.Frames(span, video.CODES)

@@ -84,6 +84,23 @@ def test_depth_is_bent_onto_the_support_and_things_on_it_follow(relative: bool) 
     assert made.spread < 0.02
 
 
+@pytest.mark.parametrize("reach", modelled_depth.REACHES)
+def test_a_map_is_spread_without_growing_or_shrinking(reach: float) -> None:
+    """A level map stays itself, another level or scale comes out as it went in, and far off holds the median."""
+    rows, columns = np.indices((SIZE, SIZE)) / SIZE
+    off = 0.3 + 0.1 * np.sin(2 * rows) + 0.05 * columns
+    known = (np.abs(rows - 0.5) < 0.2) & (columns < 0.3)
+
+    def spread(of: np.ndarray) -> np.ndarray:
+        return modelled_depth._spread_out(of, known, reach)
+
+    np.testing.assert_allclose(spread(np.full_like(off, 0.7)), 0.7)
+    np.testing.assert_allclose(spread(3 * off - 2), 3 * spread(off) - 2, atol=1e-9)
+    assert np.abs(spread(off) - off)[known].max() < 0.05
+    assert np.abs(spread(off)[:, -1] - np.median(off[known])).max() < 0.05
+    np.testing.assert_array_equal(spread(np.where(known, off, 99.0)), spread(off))
+
+
 def test_a_drifting_scale_does_not_show_in_time() -> None:
     still_, truth, bend = shot()
     made = modelled_depth.of(still_, Bent(truth, bend), still_.view.camera)

@@ -58,8 +58,14 @@ def test_what_goes_by_its_color_alone_is_said() -> None:
     assert assumed(scene, Target(text="the red block")) == said
     for words in ("the red thing", "the red carrot", "the table"):
         assert not assumed(scene, Target(text=words))
-    roles = {**scene.roles, "manipulated": frozenset({block})}
-    assert not assumed(replace(scene, roles=roles), Target(text="the red block"))
+    known = frozenset({block, 999})  # one of several that go by the name
+    for more in (
+        {"roles": {**scene.roles, "manipulated": known}},
+        {"names": {"block": known}},
+    ):
+        assert not assumed(replace(scene, **more), Target(text="the red block")), more
+    other = {"names": {"plate": frozenset({999})}}
+    assert assumed(replace(scene, **other), Target(text="the red block")) == said
 
 
 def test_the_plan_says_what_goes_by_its_color_alone() -> None:

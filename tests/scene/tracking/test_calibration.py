@@ -1,5 +1,6 @@
 """Cameras that disagree about where things are, in a scene known in closed form."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,9 @@ def test_a_centimetre_is_found_and_the_camera_named(episode, name, axis):
     found = calibration.check(shifted(episode, name, 0.01 * np.eye(3)[axis]))
     assert [misfit.camera for misfit in found] == [name]
     assert 8 < found[0].millimetres < 12
+    said = re.match(r"(\w+): .* lies (\d+) mm from", str(found[0]))
+    assert said
+    assert (said[1], int(said[2])) == (name, round(found[0].millimetres))
 
 
 def test_far_from_the_origin_it_is_the_same(episode):

@@ -1,0 +1,49 @@
+"""What a run comes to in words: counts add up over copies, and each stands where its sentence has it."""
+
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpaug.operators.distractors import Distractors
+from rpaug.pipeline.recipe import Option
+from rpaug.pipeline.run import Summary
+from rpaug.pipeline.totals import EditOutcomes
+
+WORDS = "asked near the target stand elsewhere: no room there"
+COPIES = st.lists(
+    st.tuples(st.integers(0, 3), st.integers(0, 4)).map(lambda one: (one[0], sum(one))), min_size=1
+)
+
+
+def outcomes() -> EditOutcomes:
+    return EditOutcomes(0, Option("distractors", {}, Distractors(count=2)))
+
+
+@given(COPIES)
+def test_things_that_could_not_be_had_are_counted_of_those_asked_for(
+    copies: list[tuple[int, int]],
+) -> None:
+    found = outcomes()
+    for number, (missed, asked) in enumerate(copies):
+        found.add(f"episode{number}", None, {WORDS: [missed, asked]})
+    summary = Summary(fell_short=list(found.fell_short()))
+    missed, asked = (sum(one[k] for one in copies) for k in (0, 1))
+    sentence = f"distractors: {missed} of {asked} things {WORDS}"
+    assert summary.shortfalls == ([sentence] if missed else [])
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.booleans()), min_size=1))
+def test_episodes_that_lacked_an_edit_are_counted_of_those_that_drew_it(
+    copies: list[tuple[int, bool]],
+) -> None:
+    found = outcomes()
+    for number, left_out in copies:
+        found.add(f"episode{number}", "no room" if left_out else None, {})
+    lines = Summary(left_out=list(found.left_out())).lacked
+    lacked, drew = {n for n, left_out in copies if left_out}, {n for n, _ in copies}
+    assert len(lines) == bool(lacked)
+    for line in lines:
+        said = re.fullmatch(r"distractors.*: (\d+) of (\d+) episodes lacked it: no room", line)
+        assert said
+        assert (int(said[1]), int(said[2])) == (len(lacked), len(drew))
