@@ -34,6 +34,7 @@ from tools.bench import photographed
 from tools.bench.harness.cases import CASES, FactorCase
 
 Depth = Float32[np.ndarray, "h w"]
+LEVELS = 0.5, 0.9, 0.99
 EDGE = 0.02  # share of its depth by which neighbours differ that lie on two surfaces
 NOTHING = float("nan")
 FACTORS = (
@@ -241,6 +242,35 @@ def scored(
     )
 
 
+def depths(seed: int, sensor: str) -> str:
+    """How far the fixed cameras' depth is off, as it comes, repaired, and where that filled it."""
+    task = tuple(twin.TASKS)[seed % len(twin.TASKS)]
+    look, frames = twin.Look(antialias=True), photographed.FRAMES
+    true = twin.perform(task, seed, look=look, frames=frames, size=photographed.SIZE).episode
+    seen = recorded_by(true, SENSORS[sensor], seed)
+    repaired = sensed.repaired(seen)
+    off: list[list[np.ndarray]] = [[], [], []]
+    holes, left = [], []
+    for name, view in true.views.items():
+        for t in range(0, frames, 4) if view.camera.fixed else ():
+            exact, raw, now = (one.views[name].depth(t) for one in (true, seen, repaired))  # type: ignore[misc]
+            for part, depth, where in (
+                (off[0], raw, raw > 0),
+                (off[1], now, now > 0),
+                (off[2], now, (raw == 0) & (now > 0)),
+            ):
+                part.append(np.abs(depth - exact)[where])
+            holes.append((raw == 0).mean())
+            left.append((now == 0).mean())
+    said = [one.spread for view in repaired.views.values() if (one := view.sensed)]
+    cells = [
+        "; ".join(f"{1000 * mm:.1f}" for mm in np.quantile(np.concatenate(part), LEVELS))
+        for part in off
+    ]
+    shares = f"{100 * np.mean(holes):.1f} | {100 * np.mean(left):.1f}"
+    return f"{sensor} | {' | '.join(cells)} | {shares} | {1000 * np.median(said):.0f}"
+
+
 def main() -> None:
     """The figures, edit by edit."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -248,9 +278,14 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--sensor", choices=("exact", *SENSORS), action="append")
     parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
+    parser.add_argument("--depth", action="store_true", help="the depth itself, of one seed")
     parser.add_argument("--raw", action="store_true", help="take depth as it comes")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    if given.depth:
+        for sensor in given.sensor or SENSORS:
+            sys.stdout.write(f"{depths(given.first, sensor)}\n")
+        return
     found = list[Row]()
     as_it_comes = patch.object(sensed, "repaired", lambda episode: episode)
     with tempfile.TemporaryDirectory() as folder, as_it_comes if given.raw else nullcontext():
