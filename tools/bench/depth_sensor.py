@@ -69,7 +69,7 @@ class DepthSensor:
         z = depth.astype(np.float64)
         known = z > 0
         z = np.where(known, z, np.inf)
-        height, width = z.shape
+        width = z.shape[1]
         noise = np.sqrt(self.still) * still + np.sqrt(1 - self.still) * smooth(rng, z.shape)
         if self.baseline:
             scale = (
