@@ -133,12 +133,29 @@ def _evenly_lit(recorded: Scene, lamps: Rig) -> surfels.Surfels:
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
     """The view without what was only inferred: what a source lacks is not written into its copies."""
-    proxy = recorded.proxy
+    view, proxy = _as_sensed(view, recorded), recorded.proxy
     if proxy is not None and view.camera is recorded.camera:
         view = replace(view, camera=proxy.camera)
     if proxy is not None and proxy.modelled:
         view = replace(view, depth=None)
     return replace(view, ids=None, inferred=False, proxy=None) if recorded.inferred else view
+
+
+def _as_sensed(view: CameraView, recorded: CameraView) -> CameraView:
+    """The view with the depth that its sensor gave wherever an edit left that, if a scene repaired it."""
+    if recorded.sensed is None or recorded.depth is None or view.depth is None:
+        return view
+    measured, repaired, now = recorded.sensed.recorded, recorded.depth, view.depth
+    if now is repaired:
+        return replace(view, depth=measured, sensed=None)
+    if view.camera is not recorded.camera:
+        return view
+
+    def depth(t: int) -> Float32[np.ndarray, "h w"]:
+        shown = now(t)
+        return np.where(shown == repaired(t), measured(t), shown)
+
+    return replace(view, depth=depth, sensed=None)
 
 
 def sense(

@@ -79,6 +79,22 @@ class ProxyGeometry:
 
 
 @dataclass(frozen=True)
+class SensedDepth:
+    """What was measured where a view's depth is a repaired one.
+
+    `recorded` is the depth as the sensor gave it, which copies keep where nothing is edited; `noise` its deviation in
+    metres. The shares of its pixels that were `missing` and that are `unknown` still; nine tenths of what was filled
+    are off by less than `spread` metres.
+    """
+
+    recorded: Callable[[int], Float32[np.ndarray, "h w"]]
+    noise: float
+    spread: float
+    missing: float
+    unknown: float
+
+
+@dataclass(frozen=True)
 class CameraView:
     """A camera and its images, each loaded when asked for.
 
@@ -91,6 +107,7 @@ class CameraView:
     `hands` are boxes (left, top, right, bottom; pixels) that annotators drew around hands, by frame.
     `radiance(t)`, (h, w, 3) float32, is what each pixel's light came to before white cut it off: above the color (0..1)
     where that happened, equal to it elsewhere. Simulators tell it; no other source has it.
+    `sensed`: `depth` is a sensor's, repaired by a scene.
     """
 
     camera: Camera
@@ -102,6 +119,7 @@ class CameraView:
     hands: Mapping[int, tuple[tuple[float, float, float, float], ...]] = field(default_factory=dict)
     most_id: int = 2**31 - 1
     radiance: Callable[[int], Float32[np.ndarray, "h w 3"]] | None = None
+    sensed: SensedDepth | None = None
 
 
 @dataclass(frozen=True)

@@ -206,11 +206,16 @@ def check(operator: Operator, scene: Scene) -> None:
     if not (operator.needs.depth or operator.effect & GEOMETRY):
         return
     for name, view in scene.episode.views.items():
-        if view.proxy is not None and view.proxy.modelled and view.proxy.spread > MARGIN:
+        whose, spread = "", 0.0
+        if view.sensed is not None:
+            whose, spread = "what was filled of the sensor's depth", view.sensed.spread
+        elif view.proxy is not None and view.proxy.modelled:
+            whose, spread = "the model's depth", view.proxy.spread
+        if spread > MARGIN:
             how = (
-                "nothing tells how far off the model's depth is"
-                if view.proxy.spread == float("inf")
-                else f"the model's depth may be off by {1000 * view.proxy.spread:.0f} mm"
+                f"nothing tells how far off {whose} is"
+                if spread == float("inf")
+                else f"{whose} may be off by {1000 * spread:.0f} mm"
             )
             raise SourceLacks(
                 f"{name}: {how}, and things are kept {1000 * MARGIN:.0f} mm apart: this edit needs depth that "

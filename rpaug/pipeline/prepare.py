@@ -24,6 +24,7 @@ from rpaug.scene.build import build, find, sources
 from rpaug.scene.instances import by_models, rgb_episode
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.lighting import rig
+from rpaug.scene.recorded import sensed
 from rpaug.scene.targets import nouns, roles, settled, targets
 from rpaug.scene.tracking import arms, calibration, robot_model
 from rpaug.scene.video import reconstruct
@@ -121,7 +122,12 @@ def build_and_plan(episode: Episode, recipe: Recipe, tier: int) -> tuple[Scene, 
     scene, plan = _built(episode, recipe, plan)
     plan = replace(
         plan,
-        assumed=(*plan.assumed, *rgb_episode.assumptions(scene.episode), *_by_color(scene, recipe)),
+        assumed=(
+            *plan.assumed,
+            *rgb_episode.assumptions(scene.episode),
+            *sensed.told(scene.episode),
+            *_by_color(scene, recipe),
+        ),
     )
     if plan.bodies and scene.back is None:
         # Whatever looks at depth is misled by cameras that are not where they say they are.

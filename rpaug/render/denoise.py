@@ -1,4 +1,4 @@
-"""Depth noise: how much of it there is, and recorded depth smoothed by as much as it asks for.
+"""Depth noise: how much of it there is, recorded depth smoothed by as much as it asks for, and its holes filled.
 
 1/z is affine over a plane's pixels, so the best plane through a pixel's neighbours of the same thing keeps planes as
 they are and averages the noise away. Rendered depth has none, and is never touched.
@@ -13,6 +13,12 @@ NOISY = 4e-4  # of depth: rendered depth, also when stored as 16 bits of millime
 RADIUS = 2  # pixels: 5 x 5 neighbours
 OUTLIER = 6.0  # standard deviations: a neighbour farther off is another surface
 FEWEST = 6  # neighbours for a plane
+ALONE = (
+    2.0  # times as many neighbours on other surfaces as on its own: a pixel that flies between two
+)
+MANY = 0.25  # of a window: so many tell a plane that goes on; fewer only where nothing larger does
+STEPS = 6  # of a window, to each side, that are looked at
+TWO = 0.02  # of depth a pixel: what differs more lies on two surfaces
 
 
 def noise(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> float:
@@ -81,3 +87,125 @@ def _smooth(near, ids, level):
             elif n > 0:
                 out[row, column] = here + sw / n
     return out
+
+
+def grounded(
+    depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"], level: float
+) -> Float32[np.ndarray, "h w"]:
+    """Depth without flying pixels: 0 where most neighbours of the same id lie on another surface than the pixel."""
+    flies = _flying(_nearness(depth), ids, level)
+    return np.where(flies | ~np.isfinite(depth), np.float32(0), depth)
+
+
+def filled(
+    depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"], reach: int, inner: int = 0
+) -> Float32[np.ndarray, "h w"]:
+    """Depth whose holes lie on the plane through neighbours of their id, at most `reach` pixels away, else 0.
+
+    Where two surfaces are near it is the farther one: a stereo camera's holes are what its other eye does not see.
+    With `inner`, all pixels, told by those that are more than so many rows and columns away.
+    """
+    near = _nearness(depth)
+    out = np.zeros_like(near) if inner else near.copy()
+    radius = inner + 2
+    while True:
+        radius = min(radius, reach)
+        few = FEWEST if radius == reach else MANY * (2 * min(radius, STEPS) + 1) ** 2
+        _fill(near, ids, radius, inner, few, out)
+        if radius == reach:
+            break
+        radius *= 2
+    return np.divide(1.0, out, out=np.zeros_like(out), where=out > 0).astype(np.float32)
+
+
+@kernel
+def _flying(near, ids, level):
+    flies = np.zeros(near.shape, np.bool_)
+    height, width = near.shape
+    for row in range(height):
+        for column in range(width):
+            here = near[row, column]
+            same = other = 0
+            for i in range(max(0, row - RADIUS), min(height, row + RADIUS + 1)):
+                for j in range(max(0, column - RADIUS), min(width, column + RADIUS + 1)):
+                    known = near[i, j] > 0.0 and ids[i, j] == ids[row, column]
+                    if here <= 0.0 or not known or (i == row and j == column):
+                        continue
+                    steps = max(abs(i - row), abs(j - column))
+                    if abs(near[i, j] - here) < (OUTLIER * level + 0.01 * steps) * here:
+                        same += 1
+                    else:
+                        other += 1
+            flies[row, column] = other > ALONE * same
+    return flies
+
+
+@kernel
+def _fill(near, ids, radius, inner, few, out):
+    """Gives pixels of `out` that have no 1/z the one of the plane around them."""
+    height, width = near.shape
+    step = max(1, radius // STEPS)
+    for row in range(height):
+        for column in range(width):
+            if out[row, column] > 0.0:
+                continue
+            least, most = np.inf, 0.0
+            # The same ones for all pixels of a hole, which would be rough otherwise.
+            top, left = (row - radius) // step * step, (column - radius) // step * step
+            for i in range(top, row + radius + 1, step):
+                for j in range(left, column + radius + 1, step):
+                    if _tells(near, ids, row, column, i, j, inner):
+                        least, most = min(least, near[i, j]), max(most, near[i, j])
+            if most == 0.0:
+                continue
+            middle = (least + most) / 2 if most > (1 + TWO * radius) * least else np.inf
+            middle = min(middle, _between(near, ids, row, column, inner))
+            n = sx = sy = sxx = sxy = syy = sw = sxw = syw = 0.0
+            for i in range(top, row + radius + 1, step):
+                for j in range(left, column + radius + 1, step):
+                    if _tells(near, ids, row, column, i, j, inner) and near[i, j] < middle:
+                        off, x, y = near[i, j] - least, j - column, i - row
+                        n += 1
+                        sx += x
+                        sy += y
+                        sxx += x * x
+                        sxy += x * y
+                        syy += y * y
+                        sw += off
+                        sxw += x * off
+                        syw += y * off
+            if n < few:
+                continue
+            minor = sxx * syy - sxy * sxy
+            whole = n * minor - sx * (sx * syy - sxy * sy) + sy * (sx * sxy - sxx * sy)
+            told = sw / n
+            if whole > 1e-6:
+                part = sw * minor - sx * (sxw * syy - sxy * syw) + sy * (sxw * sxy - sxx * syw)
+                told = part / whole
+            room = min(most, middle) - least
+            out[row, column] = least + min(max(told, -room), 2 * room)
+
+
+@kernel
+def _between(near, ids, row, column, inner):
+    """The mean 1/z of the next known pixels to the left and to the right, if those lie on two surfaces; else inf."""
+    found, steps = np.zeros(2), 0
+    for side in range(2):
+        j = column
+        while found[side] == 0.0 and 0 <= j < near.shape[1]:
+            if _tells(near, ids, row, column, row, j, inner):
+                found[side] = near[row, j]
+            j += 2 * side - 1
+            steps += 1
+    apart = min(found) > 0.0 and max(found) > (1 + TWO * steps) * min(found)
+    return (found[0] + found[1]) / 2 if apart else np.inf
+
+
+@kernel
+def _tells(near, ids, row, column, i, j, inner):
+    """Whether a neighbour is in the image, known, of the same id, and not too close."""
+    if not (0 <= i < near.shape[0] and 0 <= j < near.shape[1]):
+        return False
+    if max(abs(i - row), abs(j - column)) <= inner:
+        return False
+    return near[i, j] > 0.0 and ids[i, j] == ids[row, column]

@@ -17,6 +17,7 @@ from rpaug.core.types import Belief, Body, Episode, Scene
 from rpaug.scene.instances import by_motion, rgb_episode
 from rpaug.scene.instances.by_models import NOTHING, AskedModels, voted
 from rpaug.scene.instances.found import FoundInstances, InstanceFinder
+from rpaug.scene.recorded import sensed
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import roles
 from rpaug.scene.tracking import bodies
@@ -35,9 +36,10 @@ def build(
 
     `arms` are those whose links are looked for; `arms.read` adds one from a URDF or MJCF file. Where
     instances are needed and an episode has depth but no masks, they are told by motion; without depth, by color too.
+    Depth that a sensor measured is repaired.
     """
     if not with_bodies:
-        return FoundInstances(episode).scene()
+        return FoundInstances(sensed.repaired(episode)).scene()
     return find(episode, sources(lambda: arms)).scene()
 
 
@@ -124,7 +126,7 @@ def sources(
 
 def find(episode: Episode, among: Iterable[InstanceFinder]) -> FoundInstances:
     """The instances as the first source tells them that suits the episode. Raises Unsupported if it cannot."""
-    notes = list[str]()
+    notes, episode = list[str](), sensed.repaired(episode)
     for source in among:
         if not source.suits(episode):
             continue

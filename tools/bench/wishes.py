@@ -340,7 +340,11 @@ def main() -> None:
         if options.questions:
             known = [answers[key] for key in keys if key in answers]
             if len(known) < len(keys):
-                *shared, last = question(row, options.recordings, known)
+                try:
+                    *shared, last = question(row, options.recordings, known)
+                except RpaugError as error:  # the wish before it came to nothing
+                    sys.stderr.write(f"{n}: {asking.reason(error)}\n")
+                    continue
                 if not before:
                     before = shared
                     sys.stdout.write(json.dumps({"messages": before}) + "\n")
