@@ -88,9 +88,8 @@ def test_what_finds_no_room_near_stands_elsewhere_and_that_is_said(monkeypatch) 
     edit = operator.sample(scene(), np.random.default_rng(0))
     assert edit["elsewhere"] == edit["asked"] == {"path": 2}
     (line,) = Draw(0, Option("distractors", {}, operator), edit).describe()["fell_short"]
-    assert line == (
-        "2 of 2 asked within 15 cm of the gripper's low path stand elsewhere: no room there"
-    )
+    low = "within 15 cm of the gripper's low path"
+    assert line == f"2 of 2 added things could not stand {low}, as asked: no room"
     with pytest.raises(Unsupported, match="no room"):
         drawn(near="path")
 
