@@ -123,8 +123,8 @@ def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
         ("skipped", len(summary.get("failures", {}))),
         ("seconds", f"{sum(summary.get('seconds', {}).values()):.0f}"),
     ]
-    found += [(f"changed, {name}", f"{100 * share:.0f} %") for name, share in changed.items()]
-    return found
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in changed.items())
+    return [*found, ("pixels changed", shares)] if shares else found
 
 
 def _section(

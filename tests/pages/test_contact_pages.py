@@ -47,6 +47,7 @@ def test_pages_show_every_episode_once(
     shown = contact.write(RLBench(), tmp_path / "moved", out).read_text()
     assert "4 augmented ones shown" in shown
     assert "up to page 2" in shown  # two recorded ones are left out
+    assert "pixels changed</span> <b>front " in shown
     monkeypatch.setattr(contact, "ON_A_PAGE", 24)
     shown = contact.write(RLBench(), tmp_path / "moved", out).read_text()
     assert "--page 1 --html FILE</code> shows every episode." in shown
