@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ from jaxtyping import Float64
 from rpaug.core import color_space, sampling
 from rpaug.core.memo import of_episode, once
 from rpaug.core.types import Body, Episode
-from rpaug.scene.sampled_frames import SampledFrames, look
+from rpaug.scene.sampled_frames import MOST_PIXELS, frames_to_look_at, look
 from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.roles import NAMES
 
@@ -131,10 +132,10 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
 @of_episode
 def _colors(episode: Episode, instance_ids: tuple[int, ...]) -> dict[int, Rgb]:
     """Typical colors over a few frames and all cameras, of the instances that are seen."""
-    sampled = look(episode)
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
-    if sampled.cameras:
-        _sampled(episode, sampled, found)
+    deep = [name for name in _with_ids(episode) if episode.views[name].depth is not None]
+    if deep:
+        _thinned(episode, deep, found)
     else:
         _alone(episode, found)
     tints = {one: color_space.typical(np.concatenate(seen)) for one, seen in found.items() if seen}
@@ -154,22 +155,21 @@ def _alone(episode: Episode, found: Mapping[int, list[np.ndarray]]) -> None:
                 found[instance_id].append(image[rows])
 
 
-def _sampled(
-    episode: Episode, sampled: SampledFrames, found: Mapping[int, list[np.ndarray]]
+def _thinned(
+    episode: Episode, cameras: Sequence[str], found: Mapping[int, list[np.ndarray]]
 ) -> None:
-    """Adds pixels of a few frames; of more for what those do not show."""
-    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOR_FRAMES).round().astype(int))
-    for chosen in (spread, np.setdiff1d(np.arange(len(sampled.frames)), spread)):
+    """Adds pixels of a few of the sampled frames, thinned as those are; of more for what these do not show."""
+    frames = frames_to_look_at(episode)
+    spread = np.unique(np.linspace(0, len(frames) - 1, COLOR_FRAMES).round().astype(int))
+    for chosen in (spread, np.setdiff1d(np.arange(len(frames)), spread)):
         missing = [instance_id for instance_id, pixels in found.items() if not pixels]
-        for s in chosen:
-            for c, name in enumerate(sampled.cameras):
-                ids = sampled.ids[s, c]
-                shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
-                if not shown:
-                    continue
-                image = episode.views[name].rgb(int(sampled.frames[s]))
-                step = max(1, round(image.shape[1] / ids.shape[1]))
-                image = image[::step, ::step]
-                inside = ids[: image.shape[0], : image.shape[1]]
+        for t, name in product(frames[chosen].tolist() if missing else (), cameras):
+            view = episode.views[name]
+            assert view.ids is not None
+            step = max(1, round(view.camera.width / MOST_PIXELS))
+            ids = view.ids(t)[::step, ::step]
+            shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
+            if shown:
+                image = view.rgb(t)[::step, ::step]
                 for instance_id in shown:
-                    found[instance_id].append(image[inside == instance_id])
+                    found[instance_id].append(image[ids == instance_id])
