@@ -116,6 +116,7 @@ def test_the_lines_of_the_readme_run_as_they_stand(
 
 def test_the_strip_is_small_enough_and_the_files_of_a_project_are_there() -> None:
     assert (ROOT / "docs/images/strip.webp").stat().st_size < 2_000_000
+    assert (ROOT / "docs/images/beside_truth.webp").stat().st_size < 200_000
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == __version__
     assert citation["license"] == "Apache-2.0"

@@ -78,7 +78,7 @@ def main() -> None:
         for degree in range(4):
             off, matter = check(given.tool, (degree + 1) ** 2, Path(folder))
             print(
-                f"SH degree {degree}: colours differ by {off:.1e}; without higher bands by {matter:.2f}"
+                f"SH degree {degree}: colors differ by {off:.1e}; without higher bands by {matter:.2f}"
             )
             apart = check_spz(given.tool, (degree + 1) ** 2, Path(folder))
             print(f"  .spz: {apart:.1e} apart")

@@ -8,7 +8,7 @@ from rpaug.language.messages import Message
 
 Factor = Literal[
     "object position",
-    "object colour",
+    "object color",
     "object texture",
     "object size",
     "lighting",

@@ -12,11 +12,11 @@ from rpaug.pipeline import recipe as recipes
 
 # What the rule-based analyst asks for. A thing that the robot acts on cannot be moved: recorded actions would miss it.
 WORDS: dict[Factor, str] = {
-    "object colour": "vary the colour of the manipulated object",
+    "object color": "vary the color of the manipulated object",
     "object texture": "change the texture of the manipulated object",
     "object size": "vary the size of the manipulated object",
-    "lighting": "vary the colour of the lights and move the lamp",
-    "table": "either vary the colour of the table or change the texture of the table",
+    "lighting": "vary the color of the lights and move the lamp",
+    "table": "either vary the color of the table or change the texture of the table",
     "background": "change the texture of the background",
     "distractor": "add two distractors",
     "camera": "jitter all fixed cameras by up to 10 cm and up to 3 degrees",

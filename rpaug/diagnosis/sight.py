@@ -16,7 +16,7 @@ from rpaug.diagnosis.reference import First, ReferenceCamera
 # Each factor's numbers, and the difference in each that means nothing: what re-measuring the same scene varies by.
 NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
     "object position": (("right", 0.01), ("down", 0.01)),
-    "object colour": (("lightness", 4.0), ("red", 3.0), ("yellow", 3.0)),
+    "object color": (("lightness", 4.0), ("red", 3.0), ("yellow", 3.0)),
     "object texture": (("hue", 1.5), ("edges", 0.02)),
     "object size": (("logarithm", 0.06),),
     "lighting": (("red", 0.04), ("green", 0.04), ("blue", 0.04), ("unevenness", 0.03)),
@@ -130,7 +130,7 @@ def measured(
     )
     if target is not None:
         out["object position"] = target.place.astype(np.float64)
-        out["object colour"] = target.color.astype(np.float64)
+        out["object color"] = target.color.astype(np.float64)
         out["object size"] = np.array([target.size])
         out["object texture"] = _print(lab, target.mask)
     return out

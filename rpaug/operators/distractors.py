@@ -130,15 +130,18 @@ class Distractors(Operator):
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         near = f"{100 * self.within:.0f} cm"
         words = {
-            "path": f"asked within {near} of the gripper's low path",
-            "target": f"asked within {near} of the target",
-            "beyond": f"asked over {near} from target and path",
-            "anywhere": "asked in the workspace",
+            "path": f"within {near} of the gripper's low path",
+            "target": f"within {near} of the target",
+            "beyond": f"over {near} from target and path",
+            "anywhere": "in the workspace",
         }
-        elsewhere = edit.get("elsewhere", {})
+        elsewhere, every = edit.get("elsewhere", {}), sum(edit.get("asked", {}).values())
         return {
-            f"{words[zone]} stand elsewhere: no room there": (elsewhere.get(zone, 0), n)
-            for zone, n in edit.get("asked", {}).items()
+            f"added things could not stand {where}, as asked: no room": (
+                elsewhere.get(zone, 0),
+                every,
+            )
+            for zone, where in words.items()
         }
 
     def _offered(self) -> Alike:

@@ -86,7 +86,7 @@ class LightColor(Operator):
         "lamps",
         "illumination",
     )
-    settles: ClassVar[str] = "light colour"
+    settles: ClassVar[str] = "light color"
 
     def __post_init__(self) -> None:
         if any(low > high for low, high in zip(*self.range, strict=True)):

@@ -56,14 +56,23 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     parts = [_section(adapter, source, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
-        f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>"
-        f"<p class=soft>They are evenly spread over all. <code>rpaug contact OUT --page 1 --html FILE</code>, up to "
-        f"page {_pages(keys)}, shows every one.</p>"
+        f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>{_where_others_are(keys, picked)}"
         f"{facts(_facts(summary))}{LEGEND}{''.join(parts)}"
         f"<h2>Recipe</h2><details><summary>as YAML</summary><pre tabindex=0>{_yaml(summary['recipe'])}</pre></details>"
     )
     write_changed(target / report.CONTACT_SHEET, document("rpaug contact sheet", body))
     return target / report.CONTACT_SHEET
+
+
+def _where_others_are(keys: Sequence[str], picked: Mapping[str, Any]) -> str:
+    """How episodes that the sheet leaves out are seen; nothing where it shows all."""
+    if len(picked) == len(keys):
+        return ""
+    last = f", up to page {_pages(keys)}," if _pages(keys) > 1 else ""
+    return (
+        "<p class=soft>They are evenly spread over all. <code>rpaug contact OUT --page 1 --html FILE</code>"
+        f"{last} shows every episode.</p>"
+    )
 
 
 def page(adapter: Adapter, source: Path, target: Path, number: int) -> tuple[bytes, int]:
@@ -114,8 +123,8 @@ def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
         ("skipped", len(summary.get("failures", {}))),
         ("seconds", f"{sum(summary.get('seconds', {}).values()):.0f}"),
     ]
-    found += [(f"changed, {name}", f"{100 * share:.0f} %") for name, share in changed.items()]
-    return found
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in changed.items())
+    return [*found, ("pixels changed", shares)] if shares else found
 
 
 def _section(
@@ -132,9 +141,10 @@ def _section(
         )
         for name, image in sheet(before, after, frames).items()
     ]
+    recorded = {int(one): word for one, word in described.get("repainted", {}).items()}
     words = "".join(
         f"<li><span class=soft>{html.escape(op)}</span> {html.escape(what)}"
-        for op, what in told.draws(described["draws"])
+        for op, what in told.draws(described["draws"], recorded)
     )
     drawn = json.dumps(described["draws"], indent=1)
     return (

@@ -108,7 +108,8 @@ class LiveView:
                 for name, color in self.space.names.values()
                 if name
             )
-            gui.add_markdown("\n".join(legend))
+            with gui.add_folder("instances", expand_by_default=False):  # long, on a phone
+                gui.add_markdown("\n".join(legend))
 
 
 def _server(title: str, port: int) -> Any:

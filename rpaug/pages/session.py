@@ -108,7 +108,7 @@ class Session:
         return {
             "seed": recipe.seed,
             "copy": copy,
-            "words": told.draws(one.describe() for one in made.draws),
+            "words": told.draws((one.describe() for one in made.draws), made.repainted),
             "instruction": made.recorded.instruction,
             "faults": list(made.faults),
             "measured": made.figures.describe() if judged else {},

@@ -10,21 +10,24 @@ from rpaug.core import color_space
 Edit = Mapping[str, Any]
 Fields = Mapping[str, Any]
 WARM = 1.06  # red over blue of a light's gain from which it is warmer, and its inverse cooler
+NOTHING: Mapping[int, str] = {}
 MOST = 3  # numbers of a list that are shown
 
 
-def draws(given: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """The operator and what it came to, of every draw that was not skipped."""
-    return [(one["op"], draw(one)) for one in given if one.get("op")]
+def draws(
+    given: Iterable[Mapping[str, Any]], recorded: Mapping[int, str] = NOTHING
+) -> list[tuple[str, str]]:
+    """The operator and what it came to, of every draw that was not skipped. `recorded` are color words by instance."""
+    return [(one["op"], draw(one, recorded)) for one in given if one.get("op")]
 
 
-def draw(one: Mapping[str, Any]) -> str:
+def draw(one: Mapping[str, Any], recorded: Mapping[int, str] = NOTHING) -> str:
     """One draw of a report in words."""
     if one.get("left_out"):
         return f"left out: {one['left_out']}"
     fields, edit = one.get("fields") or {}, one.get("edit") or {}
     try:
-        told = WORDS.get(one["op"], _plain)(fields, edit)
+        told = WORDS.get(one["op"], _plain)(fields, _named(edit, recorded))
     except (KeyError, IndexError, TypeError, ValueError):  # a report of another version
         told = _plain(fields, edit)
     notes = [*one.get("fell_short", ()), *_shadows(edit)]
@@ -59,9 +62,21 @@ def _texture(fields: Fields, edit: Edit) -> str:
     return f"{target(fields.get('target', 'surface'))}: {_old(edit)} → {_name(edit['texture'])}"
 
 
+def _named(edit: Edit, recorded: Mapping[int, str]) -> Edit:
+    """The edit whose `surfaces` have the words for their recorded colors; parts of one go by the part's own."""
+    if "surfaces" not in edit:
+        return edit
+    words = [
+        color_space.nearest(np.array(one["albedo"]))
+        if "part" in one
+        else recorded.get(one["handle"])
+        for one in edit["surfaces"]
+    ]
+    return {**edit, "surfaces": [word for word in words if word]}
+
+
 def _old(edit: Edit) -> str:
-    names = [color_space.nearest(np.array(one["albedo"])) for one in edit.get("surfaces", ())]
-    return " and ".join(dict.fromkeys(names)) or "as recorded"
+    return " and ".join(dict.fromkeys(edit.get("surfaces", ()))) or "as recorded"
 
 
 def _light(_: Fields, edit: Edit) -> str:

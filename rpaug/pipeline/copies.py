@@ -22,6 +22,7 @@ from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, self_check
 from rpaug.pipeline.recipe import Instructions, Option, Recipe, option
 from rpaug.scene.recorded.surfels import Surfels
+from rpaug.scene.targets import survey
 
 WORDS = 2**31  # the random stream of a copy's words: no step's
 ORIGINAL = 0
@@ -105,6 +106,13 @@ class Made:
     def recorded(self) -> Episode:
         """The episode as its source has it: `episode` is what the scene shows."""
         return self.scene.back(self.episode) if self.scene.back else self.episode
+
+    @property
+    def repainted(self) -> dict[int, str]:
+        """The recorded color, as a word, of each instance that an edit paints."""
+        edits = [one.edit for one in self.draws if one.edit is not None]
+        ids = {one["handle"] for edit in edits for one in edit.get("surfaces", ())}
+        return survey.color_names(self.scene.episode, ids) if ids else {}
 
     @cached_property
     def figures(self) -> gating.Figures:

@@ -4,7 +4,7 @@ import io
 import json
 import time
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -137,6 +137,7 @@ def side_files(
     synthetic: bool,
     recipe: dict[str, Any],
     draws: Sequence[dict[str, Any]],
+    repainted: Mapping[int, str],
     plan: dict[str, Any],
     tally: Tally,
     surfels: int,
@@ -162,6 +163,7 @@ def side_files(
         "seed": recipe.get("seed", 0),
         "recipe": recipe,
         "draws": list(draws),
+        **({"repainted": {str(one): word for one, word in repainted.items()}} if repainted else {}),
         "plan": plan,
         "surfels": surfels,
         "gaussians": gaussians,

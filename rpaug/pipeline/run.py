@@ -162,8 +162,7 @@ class Summary:
     def shortfalls(self) -> list[str]:
         """One sentence for each wish that an edit could not fulfil everywhere."""
         return [
-            f"{one['edit']}: {one['count']} of {one['of']} things {one['what']}"
-            for one in self.fell_short
+            f"{one['edit']}: {one['count']} of {one['of']} {one['what']}" for one in self.fell_short
         ]
 
     @property

@@ -71,7 +71,7 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
             "copies: 4    # of each episode",
             "edits:",
             *lines,
-            "gates: {tries: 4}  # a copy that fails is drawn again: docs/gates.md",
+            "gates: {tries: 4}  # a copy that breaks a limit is drawn again, up to 4 times in all",
             "",
         ]
     )

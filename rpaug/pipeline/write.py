@@ -120,6 +120,7 @@ def side_files(
         synthetic=copy != ORIGINAL,
         recipe=dict(recipe),
         draws=[draw.describe() for draw in made.draws],
+        repainted=made.repainted,
         plan=replace(made.plan, warnings=(*made.plan.warnings, *said)).describe(),
         tally=made.tally,
         surfels=drawn(made),

@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
+from importlib import import_module
 from types import MappingProxyType
 from typing import Any
 
@@ -22,6 +24,9 @@ Frame = tuple[UInt8[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"], Int32[np.n
 
 def open_gl(size: int) -> Any:
     """A current OpenGL context without a window. Raises Unsupported naming the packages that bring one."""
+    with suppress(ImportError):
+        # CUDA builds of torch bring it. Loaded after Mesa it takes Mesa's LLVM for its own, and the process dies.
+        import_module("triton")
     try:
         if os.environ.get("MUJOCO_GL", "egl") == "egl":
             from mujoco.egl import GLContext

@@ -178,7 +178,7 @@ def test_an_analyst_judges_instead_of_the_rules(
 STATED = {
     "causes": [{"factor": "lighting", "confidence": 0.95}],
     "detail": "The light is dim.",
-    "remedy": "vary the colour of the lights",
+    "remedy": "vary the color of the lights",
 }
 
 

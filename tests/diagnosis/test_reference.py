@@ -50,7 +50,7 @@ def test_tasks_are_told_apart_by_their_instructions(usual: Reference) -> None:
 def test_what_one_task_is_about_is_strange_in_another(usual: Reference) -> None:
     right = rollouts(usual, 0, "push the button")
     wrong = rollouts(usual, 0, "stack the cups")
-    away = measure.table(Evaluation(right + wrong), usual).away["object colour"]
+    away = measure.table(Evaluation(right + wrong), usual).away["object color"]
     assert np.isfinite(away).sum() >= 4  # a button is small
     assert np.nanmax(away[:3]) < 2
     assert np.nanmin(away[3:]) > 8

@@ -25,7 +25,7 @@ def test_cameras_that_the_robot_carries_are_left() -> None:
 @pytest.mark.parametrize("words", ["frobnicate it", "?", "x " * 900, "\x00", "undo", "4 copies"])
 def test_what_is_no_edit_costs_itself_alone(words: str) -> None:
     every = [
-        remedies.mended(one, None) for one in (cause(words), cause("vary the colour of the lights"))
+        remedies.mended(one, None) for one in (cause(words), cause("vary the color of the lights"))
     ]
     assert not every[0].edits
     assert every[0].note
@@ -44,6 +44,6 @@ def test_whatever_is_amiss_costs_the_remedy_alone(
         raise error
 
     monkeypatch.setattr(asking, "ask", fails)
-    found = remedies.mended(cause("vary the colour of the lights"), None)
+    found = remedies.mended(cause("vary the color of the lights"), None)
     assert found.edits == ()
     assert found.note.startswith("the remedy is no edit: ")

@@ -44,7 +44,7 @@ def test_the_cause_comes_first(cause: Factor) -> None:
 def test_two_causes_come_first_and_what_goes_along_does_not() -> None:
     rng = np.random.default_rng(3)
     away = drawn(rng)
-    away["object colour"] = away["table"] * 0.5 + rng.normal(0, 2.0, COUNT)  # goes along
+    away["object color"] = away["table"] * 0.5 + rng.normal(0, 2.0, COUNT)  # goes along
     failed = (away["table"] > 4) | (away["camera"] > 4)
     found = weigh.ranked(table(failed, away))
     assert {found[0].factor, found[1].factor} == {"table", "camera"}

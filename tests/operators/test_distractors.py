@@ -16,6 +16,7 @@ from rpaug.operators import distractors
 from rpaug.operators.distractors import Distractors
 from rpaug.pipeline.copies import Draw
 from rpaug.pipeline.recipe import Option
+from rpaug.pipeline.run import Summary
 from rpaug.scene.placement import placing, zones
 
 pytestmark = pytest.mark.gl
@@ -88,9 +89,11 @@ def test_what_finds_no_room_near_stands_elsewhere_and_that_is_said(monkeypatch) 
     edit = operator.sample(scene(), np.random.default_rng(0))
     assert edit["elsewhere"] == edit["asked"] == {"path": 2}
     (line,) = Draw(0, Option("distractors", {}, operator), edit).describe()["fell_short"]
-    assert line == (
-        "2 of 2 asked within 15 cm of the gripper's low path stand elsewhere: no room there"
-    )
+    low = "within 15 cm of the gripper's low path"
+    said = f"added things could not stand {low}, as asked: no room"
+    assert line == f"2 of 2 {said}"
+    whole = Summary(fell_short=[{"edit": "distractors", "count": 2, "of": 8, "what": said}])
+    assert whole.shortfalls == [f"distractors: 2 of 8 {said}"]
     with pytest.raises(Unsupported, match="no room"):
         drawn(near="path")
 

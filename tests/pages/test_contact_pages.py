@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rpaug.cli import app
 from rpaug.pages import contact
-from rpaug.pipeline import recipe
+from rpaug.pipeline import recipe, report
 
 
 def test_pages_show_every_episode_once(
@@ -44,4 +44,16 @@ def test_pages_show_every_episode_once(
     assert (code, "expected a page from 1 to 2" in said) == (2, True)
     source.rename(tmp_path / "moved")
     assert page(1, "--against", tmp_path / "moved") == (0, texts[0])
-    assert "up to page 2" in contact.write(RLBench(), tmp_path / "moved", out).read_text()
+    shown = contact.write(RLBench(), tmp_path / "moved", out).read_text()
+    assert "4 augmented ones shown" in shown
+    assert "up to page 2" in shown  # two recorded ones are left out
+    assert "pixels changed</span> <b>front " in shown
+    monkeypatch.setattr(contact, "ON_A_PAGE", 24)
+    shown = contact.write(RLBench(), tmp_path / "moved", out).read_text()
+    assert "--page 1 --html FILE</code> shows every episode." in shown
+    for number in range(6):
+        if report.of(out / GROUP / f"episode{number}")["copy"] == 0:
+            shutil.rmtree(out / GROUP / f"episode{number}")
+    shown = contact.write(RLBench(), tmp_path / "moved", out).read_text()
+    assert "4 episodes, 4 augmented ones shown" in shown
+    assert "--page" not in shown

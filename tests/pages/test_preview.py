@@ -53,7 +53,7 @@ def test_the_page_holds_copies_as_a_run_makes_them(page: bytes) -> None:
     (episode,) = held(page)["episodes"]
     assert episode["frames"] == [0, 8, 16]
     first, second = episode["draws"]
-    assert first["words"][0] == ["recolor", "manipulated: tan and gray → blue"]
+    assert first["words"][0] == ["recolor", "manipulated: brown and gray → blue"]
     assert (first["copy"], second["copy"], first["seed"]) == (1, 2, 3)
     assert first["faults"] == []
     assert first["added"][0]["name"].startswith("new: ")

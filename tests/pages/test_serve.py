@@ -49,7 +49,7 @@ def drawn(running: serve.Server, given: Any, **more: Any) -> tuple[int, Any]:
 def test_a_frame_is_drawn_under_the_recipe_of_the_form(running: serve.Server) -> None:
     code, told = drawn(running, RECIPE)
     assert code == 200
-    assert told["draw"]["words"] == [["recolor", "manipulated: tan and gray → blue"]]
+    assert told["draw"]["words"] == [["recolor", "manipulated: brown and gray → blue"]]
     assert told["draw"]["images"]["front"]["after"]["columns"] == 1
     assert recipe.build(recipe.parse(told["yaml"].encode(), "y")[0]).source == RECIPE
     edit = {**RECIPE["edits"][0], "color": {serve.WRITTEN: "{rgb: [1, 0, 0]}"}}  # type: ignore[index]

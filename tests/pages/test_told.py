@@ -5,11 +5,12 @@ import pytest
 
 from rpaug.core import registry
 from rpaug.pages import told
-from rpaug.pipeline import prepare, recipe
+from rpaug.pipeline import copies, plan, prepare, recipe
+from rpaug.scene.targets import survey
 
 EDITS = [
-    ({"op": "recolor", "target": {"role": "manipulated"}, "color": "olive"}, "manipulated: tan and gray → olive"),
-    ({"op": "table_texture", "texture": "checker_red"}, "table: orange → checker red"),
+    ({"op": "recolor", "target": {"role": "manipulated"}, "color": "olive"}, "manipulated: brown and gray → olive"),
+    ({"op": "table_texture", "texture": "checker_red"}, "table: brown → checker red"),
     ({"op": "light_color", "range": [[0.25] * 3] * 2, "recorded": [0.5] * 3}, "lamps 50 % dimmer, of the same tint"),
     ({"op": "camera_pose", "camera": "front", "turn": 0, "shift": 0}, "front: moved 0.0 cm, turned 0.0 degrees"),
     ({"op": "insert", "category": "mug", "color": "red"}, "added: mug red"),
@@ -30,7 +31,30 @@ def test_a_draw_in_words(scene, edit, words):
     fields = {name: value for name, value in edit.items() if name != "op"}
     option = recipe.option(edit["op"], fields)
     drawn = option.operator.sample(scene, np.random.default_rng(0))
-    assert told.draw({"op": edit["op"], "fields": fields, "edit": drawn}) == words
+    made = copies.render(scene, (copies.Draw(0, option, drawn),), plan.make([], scene.episode))
+    assert told.draw(made.draws[0].describe(), made.repainted) == words
+
+
+def test_an_old_color_goes_by_the_word_that_inspect_has(scene):
+    rows = {
+        row.instance_id: row.color_name
+        for row in survey.survey(scene.episode, scene.bodies, scene.roles)
+    }
+    unseen = max(rows) + 1
+    assert survey.color_names(scene.episode, [*rows, unseen]) == rows
+
+
+def test_a_part_goes_by_its_own_color_and_an_unknown_one_by_none():
+    one = {"handle": 3, "albedo": [1, 0, 0], "part": [0]}
+    drawn = {
+        "op": "recolor",
+        "fields": {"target": "mug"},
+        "edit": {"color": [0, 0, 1], "surfaces": [one]},
+    }
+    assert told.draw(drawn, {3: "gray"}) == "mug: red → blue"
+    drawn["edit"]["surfaces"] = [{"handle": 3, "albedo": [1, 0, 0]}]
+    assert told.draw(drawn, {3: "gray"}) == "mug: gray → blue"
+    assert told.draw(drawn) == "mug: as recorded → blue"
 
 
 def test_what_was_skipped_is_left_out_and_what_was_missing_says_why():

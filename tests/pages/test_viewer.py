@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import viser
 
 from rpaug.core import geometry, registry
 from rpaug.core.errors import BadInput, MissingExtra
@@ -111,6 +112,14 @@ def test_what_is_drawn_follows_the_frame_and_the_colors(running: live.LiveView) 
     seen = running.server.scene.get_handle_by_name("/seen")
     ids = running.space.cloud(last, 2_000).ids
     assert (np.asarray(seen.colors) == running.space.by_instance(ids)).all()
+
+
+def test_names_of_instances_are_folded_away(running: live.LiveView) -> None:
+    shown = running.server.gui._container_handle_from_uuid.values()  # viser lists it nowhere else
+    (folder,) = (one for one in shown if isinstance(one, viser.GuiFolderHandle))
+    assert not folder.expand_by_default
+    (names,) = folder._children.values()
+    assert "new" in names.content
 
 
 def test_a_recording_for_rerun_is_whole_and_never_overwritten(

@@ -21,6 +21,7 @@ def test_the_sample_has_something_for_every_edit(tmp_path: Path) -> None:
     made = recipe.load(path)
     assert len(made.steps) == len(starter.CANDIDATES)
     assert "“open the drawer”" in path.read_text()
+    assert ".md" not in path.read_text()  # whoever installed rpaug has no docs
     again = CliRunner().invoke(app, ["init", "sample", "--out", str(path), "--json"])
     assert again.exit_code == 2  # nothing is overwritten
     assert "already" in json.loads(again.stdout)["error"]

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from contextlib import closing
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -180,3 +181,24 @@ def test_missing_driver_names_the_packages(tmp_path):
         [sys.executable, "-c", code], env={**os.environ, **hidden}, capture_output=True, text=True
     )
     assert "libegl1 libgl1-mesa-dri" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    "triton",
+    [
+        "import sys\nassert not {'OpenGL', 'mujoco.egl'} & {*sys.modules}, 'after Mesa'",
+        "raise ImportError('a broken install')",
+    ],
+    ids=["whole", "broken"],
+)
+def test_triton_is_loaded_before_mesa_or_not_at_all(triton: str, tmp_path: Path) -> None:
+    """The other way round libtriton takes Mesa's LLVM for its own, and the process dies."""
+    (tmp_path / "triton.py").write_text(triton)
+    script = "import sys\nfrom rpaug.twin.renderer import open_gl\nopen_gl(8)\n"
+    script += "assert ('triton' in sys.modules) == (sys.argv[1] == 'whole')"
+    word = "broken" if "broken" in triton else "whole"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", script, word], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

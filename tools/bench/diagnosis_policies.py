@@ -180,7 +180,7 @@ def by_fixed_camera(seen: Seen, trained: Trained, bar: float) -> bool:
 
 WEAK: Mapping[str, Callable[[Seen, Trained, float], bool]] = {
     "object position": by_memory,
-    "object colour": by_color,
+    "object color": by_color,
     "object texture": by_growing,
     "object size": by_width,
     "lighting": by_brightness,

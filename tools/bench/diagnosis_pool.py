@@ -21,7 +21,7 @@ ROOM = 100  # apart lie the seeds of two rooms
 EXTRA = ("cup_large", "cup_small", "button")
 CHANGES: Mapping[str, tuple[str, ...]] = {
     "object position": (),
-    "object colour": ("object_color",),
+    "object color": ("object_color",),
     "object texture": ("object_texture",),
     "object size": ("object_size",),
     "lighting": ("light_color", "light_direction"),

@@ -28,7 +28,7 @@ def edits(
     first_seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = 0,
     frames: Annotated[int, typer.Option(min=2)] = 17,
     size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
-    antialias: Annotated[bool, typer.Option(help="Anti-alias the colour images.")] = False,
+    antialias: Annotated[bool, typer.Option(help="Anti-alias the color images.")] = False,
     specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
     shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
     gaussians: Annotated[

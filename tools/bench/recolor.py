@@ -35,7 +35,7 @@ RED, BLUE, PURE_RED, PURE_BLUE = (0.80, 0.07, 0.06), (0.08, 0.15, 0.80), (1, 0, 
 
 TARGETS = {
     "plain": (38, 34),
-    "two-coloured": (38, 34),
+    "two-colored": (38, 34),
     "textured": (36, 33),
 }  # dB inside, on the border
 SCALED = 34  # dB inside
@@ -53,11 +53,11 @@ class Case:
 
 
 CASES = (
-    Case("block, drawn colour", "block_plain", "plain"),
+    Case("block, drawn color", "block_plain", "plain"),
     Case("block, red to blue", "block_plain", "plain", RED, BLUE),
     Case("block, pure red to pure blue", "block_plain", "plain", PURE_RED, PURE_BLUE),
-    Case("cylinder, drawn colour", "cylinder", "plain"),
-    Case("block of two colours", "block_two_coloured", "two-coloured"),
+    Case("cylinder, drawn color", "cylinder", "plain"),
+    Case("block of two colors", "block_two_coloured", "two-colored"),
     Case("block of marble", "block_textured", "textured"),
     Case("drawer", "drawer", "textured"),
 )

@@ -29,7 +29,7 @@ def render(
         list[str] | None, typer.Option(help="Of strewn Gaussians' images: 640x480.")
     ] = None,
     gaussians: Annotated[list[int] | None, typer.Option(min=1, help="Strewn ones.")] = None,
-    features: Annotated[int, typer.Option(min=0, max=64, help="Beside the colours.")] = 0,
+    features: Annotated[int, typer.Option(min=0, max=64, help="Beside the colors.")] = 0,
     engine: Annotated[
         list[str] | None, typer.Option(help="Backend and precision: numba/float32, ...")
     ] = None,

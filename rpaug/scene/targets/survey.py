@@ -2,19 +2,21 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
 from jaxtyping import Float64
 
 from rpaug.core import color_space, sampling
-from rpaug.core.memo import once
+from rpaug.core.memo import of_episode, once
 from rpaug.core.types import Body, Episode
-from rpaug.scene.sampled_frames import SampledFrames, look
+from rpaug.scene.sampled_frames import MOST_PIXELS, frames_to_look_at, look
 from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.roles import NAMES
 
 COLOR_FRAMES = 6  # looked at for color: it hardly changes
+Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class InstanceSummary:
 
     instance_id: int
     role: str
-    color: tuple[float, float, float]
+    color: Rgb
     color_name: str
     size_cm: tuple[float, float, float]
     motion: str
@@ -65,14 +67,10 @@ def survey(
     role_of |= dict.fromkeys(roles.get("table", ()), "table")
     instance_ids = sorted(body_of)
     seen = _seen(episode, np.array(instance_ids, np.int32))
-    tints = (
-        _colors(episode, sampled, instance_ids)
-        if sampled.cameras
-        else _colors_alone(episode, instance_ids)
-    )
+    tints = _colors(episode, tuple(instance_ids))
     rows = []
     for i, instance_id in enumerate(instance_ids):
-        body, tint = body_of[instance_id], tints[instance_id]
+        body, tint = body_of[instance_id], tints.get(instance_id, (0.0, 0.0, 0.0))
         when = np.flatnonzero(seen[:, i].any(-1))
         rows.append(
             InstanceSummary(
@@ -92,6 +90,12 @@ def survey(
             )
         )
     return tuple(rows)
+
+
+def color_names(episode: Episode, instance_ids: Iterable[int]) -> dict[int, str]:
+    """The word for the recorded color of each of these instances that an image shows."""
+    found = _colors(episode, tuple(sorted(instance_ids)))
+    return {one: color_space.nearest(np.array(tint)) for one, tint in found.items()}
 
 
 def size_cm(points: Float64[np.ndarray, "n 3"]) -> tuple[float, float, float]:
@@ -125,11 +129,21 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
     return out
 
 
-def _colors_alone(
-    episode: Episode, instance_ids: Iterable[int]
-) -> dict[int, tuple[float, float, float]]:
-    """Typical colors over a few frames of all cameras, where no depth is looked at."""
+@of_episode
+def _colors(episode: Episode, instance_ids: tuple[int, ...]) -> dict[int, Rgb]:
+    """Typical colors over a few frames and all cameras, of the instances that are seen."""
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
+    deep = [name for name in _with_ids(episode) if episode.views[name].depth is not None]
+    if deep:
+        _thinned(episode, deep, found)
+    else:
+        _alone(episode, found)
+    tints = {one: color_space.typical(np.concatenate(seen)) for one, seen in found.items() if seen}
+    return {one: (float(tint[0]), float(tint[1]), float(tint[2])) for one, tint in tints.items()}
+
+
+def _alone(episode: Episode, found: Mapping[int, list[np.ndarray]]) -> None:
+    """Adds pixels of a few frames of all cameras, where no depth is looked at."""
     for _, _, rgb, ids in sampling.images(episode, COLOR_FRAMES):
         if ids is None:
             continue
@@ -139,35 +153,23 @@ def _colors_alone(
         for instance_id, rows in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
             if instance_id in found:
                 found[instance_id].append(image[rows])
-    out = {}
-    for instance_id, pixels in found.items():
-        tint = color_space.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
-        out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
-    return out
 
 
-def _colors(
-    episode: Episode, sampled: SampledFrames, instance_ids: Iterable[int]
-) -> dict[int, tuple[float, float, float]]:
-    """Typical colors over a few frames and all cameras; over more where that shows nothing."""
-    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOR_FRAMES).round().astype(int))
-    found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
-    for chosen in (spread, np.setdiff1d(np.arange(len(sampled.frames)), spread)):
+def _thinned(
+    episode: Episode, cameras: Sequence[str], found: Mapping[int, list[np.ndarray]]
+) -> None:
+    """Adds pixels of a few of the sampled frames, thinned as those are; of more for what these do not show."""
+    frames = frames_to_look_at(episode)
+    spread = np.unique(np.linspace(0, len(frames) - 1, COLOR_FRAMES).round().astype(int))
+    for chosen in (spread, np.setdiff1d(np.arange(len(frames)), spread)):
         missing = [instance_id for instance_id, pixels in found.items() if not pixels]
-        for s in chosen:
-            for c, name in enumerate(sampled.cameras):
-                ids = sampled.ids[s, c]
-                shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
-                if not shown:
-                    continue
-                image = episode.views[name].rgb(int(sampled.frames[s]))
-                step = max(1, round(image.shape[1] / ids.shape[1]))
-                image = image[::step, ::step]
-                inside = ids[: image.shape[0], : image.shape[1]]
+        for t, name in product(frames[chosen].tolist() if missing else (), cameras):
+            view = episode.views[name]
+            assert view.ids is not None
+            step = max(1, round(view.camera.width / MOST_PIXELS))
+            ids = view.ids(t)[::step, ::step]
+            shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
+            if shown:
+                image = view.rgb(t)[::step, ::step]
                 for instance_id in shown:
-                    found[instance_id].append(image[inside == instance_id])
-    out = {}
-    for instance_id, pixels in found.items():
-        tint = color_space.typical(np.concatenate(pixels)) if pixels else np.zeros(3)
-        out[instance_id] = (float(tint[0]), float(tint[1]), float(tint[2]))
-    return out
+                    found[instance_id].append(image[ids == instance_id])

@@ -25,7 +25,7 @@ from tools.bench.harness.cases import CASES, ESTIMATED, Ask, FactorCase
 from tools.bench.harness.scores import HIGHER, Scores, measure
 
 GAUSSIANS = "Gaussian render"
-NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "colour jitter"
+NONE, LAB, JITTER = "no edit", "CIELAB in the mask", "color jitter"
 LAB_ESTIMATED = "CIELAB in the mask, estimated"
 SINGLE = frozenset(case.baseline[0] for case in CASES.values() if case.baseline is not None)
 BASELINES = SINGLE | {GAUSSIANS, NONE, LAB, LAB_ESTIMATED, JITTER}

@@ -30,7 +30,7 @@ UNEVEN = 1e-3  # of depth, by which lifted Gaussians are put apart
 CLOSE = 1e-5  # of full scale: the share of values farther off is told
 PANELS = (
     Panel("forward", "forward_ms", "color_worst", "ms, forward",
-          "largest colour error", higher=False, logarithmic=True),
+          "largest color error", higher=False, logarithmic=True),
     Panel("forward and backward", "both_ms", "gradient_error", "ms, forward + backward",
           "gradients' error, relative L2", higher=False, logarithmic=True),
 )  # fmt: skip
