@@ -167,6 +167,7 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
     source = np.array(
         [along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)]
     )
+    color = np.multiply(look.light, lamp.gain)
     Xml.SubElement(
         scene,
         "light",
@@ -175,8 +176,8 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
             1.4 * source + [0.2, 0, 0.8]
         ),  # inside the walls, which cast no shadow on the table
         dir=_text(-source),
-        diffuse=_text(look.light),
-        specular=_text(np.multiply(SHINE, look.light) if look.specular else np.zeros(3)),
+        diffuse=_text(color),
+        specular=_text(SHINE * color if look.specular else np.zeros(3)),
         castshadow="true" if look.shadows else "false",
     )
 

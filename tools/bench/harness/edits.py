@@ -95,11 +95,17 @@ class EditTrial:
 def missing(setting: EditSetting) -> dict[str, str]:
     """Factors that cannot be measured, with the reason."""
     known = registry.operator_names()
-    return {
+    without = {
         factor: f"no operator is called {CASES[factor].operator!r}"
         for factor in setting.factors
         if CASES[factor].operator not in known
     }
+    untold = {
+        factor: "without cast shadows lamps are not told"
+        for factor in setting.factors
+        if CASES[factor].shadows and not setting.shadows
+    }
+    return untold | without
 
 
 def run(
