@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool
@@ -31,6 +31,9 @@ SINGLE = frozenset(case.baseline[0] for case in CASES.values() if case.baseline 
 BASELINES = SINGLE | {GAUSSIANS, NONE, LAB, LAB_ESTIMATED, JITTER}
 TOLD_MORE = frozenset({GAUSSIANS, LAB})  # than an operator that is left to estimate
 
+Light = Literal["plain", "shadows", "highlights", "both"]
+"""What the lamps do beside lighting matte surfaces: cast shadows, be mirrored."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EditSetting:
@@ -43,8 +46,8 @@ class EditSetting:
     frames: int = 17
     size: int = 128
     antialias: bool = False
-    shadows: bool = False
-    specular: bool = False
+    light: Light = "plain"
+    lamps: int = len(twin.RIG)
     gaussians: bool = False  # a fit of its own for each seed
     eyes: perceptual.Eyes = field(default_factory=perceptual.Eyes)  # networks that judge too
 
@@ -103,7 +106,7 @@ def missing(setting: EditSetting) -> dict[str, str]:
     untold = {
         factor: "without cast shadows lamps are not told"
         for factor in setting.factors
-        if CASES[factor].shadows and not setting.shadows
+        if CASES[factor].shadows and setting.light not in ("shadows", "both")
     }
     return untold | without
 
@@ -187,7 +190,7 @@ def _takes(
     setting: EditSetting, case: FactorCase, factor: str, seed: int
 ) -> tuple[twin.Take, twin.Take]:
     task = setting.tasks[seed % len(setting.tasks)]
-    recorded = _recorded(setting, case.lamps, task, seed)
+    recorded = recording(setting, case.lamps, task, seed)
     target = case.targets[seed // len(setting.tasks) % len(case.targets)]
     if target == "receiver" and recorded.truth.receiver is None:
         target = "manipulated"
@@ -208,14 +211,14 @@ def _takes(
 
 
 @lru_cache(2)  # factors share what was recorded
-def _recorded(
+def recording(
     setting: EditSetting, lamps: tuple[twin.TwinLamp, ...], task: str, seed: int
 ) -> twin.Take:
     look = twin.Look(
-        lamps=lamps,
+        lamps=lamps[: setting.lamps],
         antialias=setting.antialias,
-        shadows=setting.shadows,
-        specular=setting.specular,
+        shadows=setting.light in ("shadows", "both"),
+        specular=setting.light in ("highlights", "both"),
     )
     return twin.perform(task, seed, look=look, frames=setting.frames, size=setting.size)
 
