@@ -172,9 +172,7 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
         scene,
         "light",
         type="directional",
-        pos=_text(
-            1.4 * source + [0.2, 0, 0.8]
-        ),  # inside the walls, which cast no shadow on the table
+        pos=_text(1.4 * source + [0.2, 0, 0.8]),  # further away than all that casts shadows
         dir=_text(-source),
         diffuse=_text(color),
         specular=_text(SHINE * color if look.specular else np.zeros(3)),

@@ -180,3 +180,16 @@ def test_missing_driver_names_the_packages(tmp_path):
         [sys.executable, "-c", code], env={**os.environ, **hidden}, capture_output=True, text=True
     )
     assert "libegl1 libgl1-mesa-dri" in done.stdout, done.stderr
+
+
+def test_walls_cast_no_shadow():
+    """Lamps hang inside the room; the arm alone darkens walls and floor."""
+    both = [
+        twin.perform("open_drawer", 0, frames=17, look=twin.Look(shadows=one, lamps=twin.RIG[:1]))
+        for one in (False, True)
+    ]
+    handles = both[0].truth.handles
+    plain, shaded = (take.episode.views["overhead"].rgb(0).astype(int) for take in both)
+    ids = both[0].episode.views["overhead"].ids(0)
+    assert (plain - shaded)[ids == handles["floor"]].max() <= 1
+    assert (plain - shaded)[ids == handles["table"]].max() > 20

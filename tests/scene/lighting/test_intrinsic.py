@@ -53,6 +53,25 @@ def test_level_ground_that_all_lamps_reach_has_light_one(shaded):
     assert found.light(up, [0.0] * len(found.directions)) == pytest.approx(found.ambient)
 
 
+def test_a_dark_pattern_is_no_shadow_where_nothing_casts_one(shaded, bare):
+    """Tiles that vary by a tenth and more lay in shadow before, since nothing spoke against it."""
+    take, scene = shaded
+    for name in ("overhead", "left_shoulder", "right_shoulder"):
+        view, plain = take.episode.views[name], bare[0].episode.views[name]
+        floor = view.ids(0) == take.truth.handles["floor"]
+        true = view.rgb(0)[floor].mean(-1) / plain.rgb(0)[floor].mean(-1)
+        assert floor.sum() > 500
+        assert (intrinsic.share(scene, name, 0)[floor] < 0.85 * true).mean() < 0.02
+
+
+def test_surfaces_are_trusted_less_where_a_shadow_ends():
+    reached = np.ones((9, 20), np.float32)
+    reached[:, 10:] = 0
+    sure = intrinsic._sure(reached.reshape(-1), reached.shape).reshape(reached.shape)
+    assert (sure[:, 7:13] == 1).all()
+    assert (sure[:, [0, 6, 13, 19]] == intrinsic.AWAY).all()
+
+
 def test_without_moving_shadows_nothing_changes(bare):
     take, scene = bare
     assert rig.find(scene) is None
