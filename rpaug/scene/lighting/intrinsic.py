@@ -29,6 +29,7 @@ UNSEEN = 1.0  # the same for walls and floor: much of what casts shadows there i
 EDGE = 7  # pixels wide: the map's edge of a shadow lies within so much of the recorded one
 SHARP = 0.05  # of a lamp's light, from which the map changes
 AWAY = 4.0  # times as much trust away from such edges
+EDGED = 0.1  # log light by which neighbours differ, from which a shadow ends there
 NEAR = 5  # pixels wide: neighbours that have the same light more often than not
 ROUNDS = 3  # of albedo and spread
 WELL_LIT = 0.98  # quantile of the light on a thing
@@ -225,7 +226,25 @@ def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray
     cost = (fits + seen.doubt).reshape(*ids.shape, -1).astype(np.float32)
     chosen = _with_neighbours(cost, ids).argmin(-1)
     light = np.take_along_axis(seen.light.reshape(cost.shape), chosen[..., None], -1)[..., 0]
+    light = _at_edges(light, level, ids)
     return np.where(ids > 0, np.exp(light), 1).astype(np.float32)
+
+
+def _at_edges(
+    light: Float32[np.ndarray, "h w"],
+    level: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+) -> Float32[np.ndarray, "h w"]:
+    """Log light, at the edge of a shadow as much between both sides as makes the albedo that of what is around."""
+    kernel = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(light, kernel), cv2.dilate(light, kernel)
+    edge, pure = high - low > EDGED, lit.inside(ids)
+    known = (pure & ~edge).astype(np.float32)
+    size = (NEAR, NEAR)
+    weight = cv2.boxFilter(known, -1, size)
+    own = cv2.boxFilter(known * (level - light), -1, size) / np.maximum(weight, 1e-6)
+    between = np.clip(level - own, low, high)
+    return np.where(edge & pure & (weight > 0), between, light).astype(np.float32)
 
 
 def _with_neighbours(

@@ -23,6 +23,7 @@ from rpaug.scene.recorded.carry import carried
 
 CHANGED = 0.05  # of a lamp's light, from which a place has gained or lost it
 RIM = 1  # pixels around such places in which a recorded shadow may end
+ASTRAY = 2  # pixels from the map's shadow of a thing that its recorded one may reach
 ALIKE = 0.1  # log light by which a measured one may differ from one of few
 TRUST = 3.0  # squared multiples of it, that it costs a lamp to be another than the surfaces say
 KEPT = 16  # images: each is asked for again as it is drawn
@@ -237,14 +238,18 @@ class Recast:
         return np.where(known, share * full / self.relit.recorded.light(source, every), share)
 
     def _unseen(self, name: str, t: int, rows: Int64[np.ndarray, "n"]) -> Bool[np.ndarray, "l n"]:
-        """Of recorded pixels by lamp: where walls and floor lie in shadows that nothing seen casts. They stay."""
-        view, lamps = self.scene.episode.views[name], self.relit.recorded
-        _, places = casting.discs_of(view, t, rows)
+        """Of recorded pixels by lamp: where walls and floor lie in shadows that nothing seen casts. They stay, but for
+        the rims of those that things do cast."""
+        view, lamps, was = self.scene.episode.views[name], self.relit.recorded, self._was(name, t)
+        _, places = casting.discs_of(view, t, np.arange(was.size))
         reached = [one.reached(places) for one in self._before.maps(t, lamps.directions)]
-        states = _states(self._was(name, t).reshape(-1)[rows], places.normals, reached, lamps)
+        states = _states(was.reshape(-1), places.normals, reached, lamps)
         walls = np.isin(view.ids(t), sorted(self.scene.roles.get("background", ())))  # type: ignore[misc]
-        cast = [(now == 0) & (known > 0.5) for now, known in zip(states, reached, strict=True)]
-        return np.array(cast) & walls.reshape(-1)[rows]
+        cast = [
+            (now == 0) & ~grown(known.reshape(was.shape) <= 0.5, ASTRAY).reshape(-1)
+            for now, known in zip(states, reached, strict=True)
+        ]
+        return np.array(cast)[:, rows] & walls.reshape(-1)[rows]
 
     def _reached(
         self, places: Discs, t: int, direction: Float64[np.ndarray, "3"]

@@ -72,6 +72,19 @@ def test_surfaces_are_trusted_less_where_a_shadow_ends():
     assert (sure[:, [0, 6, 13, 19]] == intrinsic.AWAY).all()
 
 
+def test_a_pixel_at_the_edge_of_a_shadow_has_part_of_a_lamp():
+    ids = np.ones((20, 30), np.int32)
+    true = np.zeros(ids.shape, np.float32)
+    true[:, 15:] = -0.8
+    level = true - 0.5
+    level[:, 14] = -0.9  # half in shadow
+    found = intrinsic._at_edges(true, level, ids)
+    np.testing.assert_allclose(found[2:-2, 14], -0.4, atol=1e-5)
+    np.testing.assert_allclose(np.delete(found, 14, 1), np.delete(true, 14, 1), atol=1e-5)
+    level[:, 14] = -2.0  # darker than either side
+    assert intrinsic._at_edges(true, level, ids)[2:-2, 14] == pytest.approx(-0.8)
+
+
 def test_without_moving_shadows_nothing_changes(bare):
     take, scene = bare
     assert rig.find(scene) is None
