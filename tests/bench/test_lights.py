@@ -22,11 +22,29 @@ def test_a_row_holds_means_over_seeds_and_the_best_that_knows_no_more() -> None:
     made = lights.table(edits.EditSetting(light="shadows"), rows, "python -m tools.bench.edits")
     aimed = {"value": 35.0, "target": ">= 33"}
     assert made.rows == [
-        ["object_color", 45.0, 30.0, aimed, 20.0, 2.0],
-        ["camera_pose", 27.0, "-", "-", "-", 2.0],
+        ["object_color", 45.0, 30.0, aimed, 20.0, 2.0, 0],
+        ["camera_pose", 27.0, "-", "-", "-", 2.0, 0],
     ]
     assert made.id == "shadows"
     assert made.seeds.startswith("seeds 0 (open_drawer), 1 (open_drawer), 17 frames")
+
+
+@pytest.mark.gl
+def test_what_an_operator_refuses_costs_the_others_nothing(capsys) -> None:
+    setting = edits.EditSetting(
+        light="shadows",
+        factors=("lamp_color",),
+        tasks=("push_button",),
+        seeds=1,
+        frames=13,
+        size=16,
+    )
+    rows = edits.run(setting)
+    assert {row.method for row in rows} >= {edits.NONE, edits.JITTER}
+    assert ESTIMATED not in {row.method for row in rows}
+    assert "which light is a lamp's is not told" in capsys.readouterr().err
+    ((*_, refused),) = lights.table(setting, rows, "").rows
+    assert refused == 1
 
 
 @pytest.mark.parametrize("light", lights.TITLES)

@@ -1,6 +1,7 @@
 """Every factor's operator, and the baselines, against the factor truly changed on the twin."""
 
 import json
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from pydantic import TypeAdapter
 
 from rpaug import twin
 from rpaug.core import registry
-from rpaug.core.errors import RpaugError
+from rpaug.core.errors import RpaugError, Unsupported
 from rpaug.core.types import CameraView, Episode
 from rpaug.pipeline import plan, prepare
 from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
@@ -167,11 +168,15 @@ def _one(
     made: dict[str, Episode] = {}
     with tempfile.TemporaryDirectory() as folder:
         for method, make in _methods(setting, case, recorded, true, seed, Path(folder)):
-            if method not in BASELINES and factor not in warm:
-                make()  # compiles what it needs
-                warm.add(factor)
-            start = time.process_time()
-            made[method], holes = make()
+            try:
+                if method not in BASELINES and factor not in warm:
+                    make()  # compiles what it needs
+                    warm.add(factor)
+                start = time.process_time()
+                made[method], holes = make()
+            except Unsupported as error:  # the others count
+                print(f"{factor}, seed {seed}, {method}: {error}", file=sys.stderr)
+                continue
             seconds = time.process_time() - start
             scores = measure(recorded, made[method], true, holes, setting.antialias, seconds)
             perceived = judge.measure(recorded, made[method], true, setting.antialias)

@@ -38,6 +38,7 @@ def table(setting: EditSetting, rows: Sequence[EditRow], command: str) -> pages.
     for factor in dict.fromkeys(row.factor for row in rows):
         mine = [row for row in rows if row.factor == factor]
         estimated = _figures(mine, {ESTIMATED}, "psnr")
+        made = {row.seed for row in mine if row.method in (TOLD, ESTIMATED)}
         out.append(
             [
                 factor,
@@ -46,10 +47,11 @@ def table(setting: EditSetting, rows: Sequence[EditRow], command: str) -> pages.
                 _aimed(_mean(estimated), TARGETS[setting.light].get(factor)),
                 _best(mine, BASELINES - TOLD_MORE),
                 _mean(_figures(mine, {ESTIMATED}, "seconds") or _figures(mine, {TOLD}, "seconds")),
+                len({row.seed for row in mine} - made),
             ]
         )
     columns = ["factor", "given", "best 2D baseline", "estimated"]
-    columns += ["best 2D baseline, estimated", "processor s"]
+    columns += ["best 2D baseline, estimated", "processor s", "seeds refused"]
     tasks = {row.seed: row.task for row in rows}
     seeds = ", ".join(f"{seed} ({task})" for seed, task in sorted(tasks.items()))
     return pages.Table(
