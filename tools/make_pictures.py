@@ -43,7 +43,7 @@ OPERATORS: dict[str, dict[str, Any]] = {
     "sensor_jpeg": {"quality": [15, 15]},
     "sensor_exposure": {"stops": [0.8, 0.8]},
 }
-SHADOWED: dict[str, dict[str, Any]] = {"shadows": {"depth": [1.6, 1.6], "turn": 1.5}}
+SHADOWED: dict[str, dict[str, Any]] = {"shadows": {"depth": [1.2, 1.2], "turn": 0.8}}
 PAIR = ("front", "left_shoulder")  # of cameras: recorded and edited, side by side
 SMALL = 128
 

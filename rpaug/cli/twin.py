@@ -23,7 +23,7 @@ def record(
     factor: Annotated[
         str | None,
         typer.Option(
-            help="Truly change object_color, object_texture, light_color, light_direction, table_color, "
+            help="Truly change object_color, object_texture, light_color, lamp_color, light_direction, table_color, "
             "table_texture, background_texture or camera_pose."
         ),
     ] = None,
@@ -37,6 +37,7 @@ def record(
     antialias: Annotated[bool, typer.Option(help="Anti-alias the color images.")] = False,
     specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
     shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    lamps: Annotated[int, typer.Option(min=1, max=3, help="How many lamps there are.")] = 3,
     roam: Annotated[
         float,
         typer.Option(
@@ -53,7 +54,9 @@ def record(
     """
     from rpaug import twin
 
-    look = twin.Look(antialias=antialias, specular=specular, shadows=shadows)
+    look = twin.Look(
+        antialias=antialias, specular=specular, shadows=shadows, lamps=twin.RIG[:lamps]
+    )
     with progress_bar("recording", as_json):
         takes = twin.record(
             task,

@@ -194,7 +194,10 @@ def _composited(
         pool = stood.pool if stood else None
         surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
         radiance = view.radiance(t) if view.radiance else None
-        return composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
+        made = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
+        if cast is None or not cast.relit.gains or not view.depth or ids is None:
+            return made
+        return recast.times(made, cast.tint(view.camera, t, view.depth(t), ids, name))
 
     drawn = _on_device(scene, name, device)
 
@@ -305,7 +308,16 @@ def _finished(
         image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
         return Frame(image, depth, ids, hole)
 
-    return _finished_on_device(scene, name, stood, filled, device) or frame
+    drawn = _finished_on_device(scene, name, stood, filled, device) or frame
+    if cast is None or not cast.relit.gains:
+        return drawn
+
+    def tinted(t: int) -> Frame:
+        made = drawn(t)
+        tint = cast.tint(camera, t, made.depth, made.ids, name if stood else None)
+        return replace(made, rgb=recast.times(made.rgb, tint))
+
+    return tinted
 
 
 def _told(
@@ -404,5 +416,7 @@ def _gaussians(
     where = gaussian_view.surfaces(depth, ids, camera, t, scene.bodies)
     # Gaussians blend, so an outline's pixel is a mixture however sharp the recording was.
     image = composite(rgb, ids, scene.appearance, True, where)
+    if cast is not None and cast.relit.gains:
+        image = recast.times(image, cast.tint(camera, t, depth, ids, None))
     made_up = empty | whole.invented(t, index)
     return Frame(image, depth, ids, made_up & (ids == filled.ids))

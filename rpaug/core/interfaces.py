@@ -32,7 +32,7 @@ class Needs:
     `targets` hold the things it edits: each field one target, several or None. `anchors` hold things that only say
     where. `bodies`: instances are told apart and tracked though no target is given. `gaussians`: fitted ones are there.
     `depth`: a source without any is refused. `lamps`: instances are told apart and tracked where shadows pass over
-    what rests, since they tell where lamps are.
+    what rests, since they tell where lamps are; a field's name: only where that field is given.
     """
 
     targets: tuple[str, ...] = ()
@@ -40,7 +40,7 @@ class Needs:
     bodies: bool = False
     gaussians: bool = False
     depth: bool = False
-    lamps: bool = False
+    lamps: bool | str = False
 
 
 @dataclass(frozen=True)

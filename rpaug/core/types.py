@@ -519,7 +519,8 @@ class Relit:
     """The lamps whose cast shadows were recorded, and those that the edited scene is shown under.
 
     A shadow takes away `depth` times as much light as it would; a lamp is a disc of the radius `softness`, in radians.
-    Instance ids that are `unlit` show no surface and keep their color.
+    Instance ids that are `unlit` show no surface and keep their color. `gains` are what each lamp's color is now over
+    the recorded one, by channel; none for as recorded.
     """
 
     recorded: Rig
@@ -527,6 +528,7 @@ class Relit:
     depth: float = 1.0
     softness: float = 0.0
     unlit: tuple[int, ...] = ()
+    gains: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

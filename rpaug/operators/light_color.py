@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float32
+from pydantic import Field
 
-from rpaug.core.interfaces import Edit, Examples, Operator
-from rpaug.core.types import Effect, Scene, Stacked, Surface
+from rpaug.core.errors import Unsupported
+from rpaug.core.interfaces import Edit, Examples, Needs, Operator
+from rpaug.core.types import Effect, Relit, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Unit
-from rpaug.scene.lighting import light
+from rpaug.operators.shadows import NONE
+from rpaug.scene.lighting import light, rig, shadows
 
 
 @dataclass(frozen=True)
@@ -50,13 +53,18 @@ class LightColor(Operator):
     recorded light that does not come from the lamps and stays. One draw for all cameras and frames. A renderer's sky
     stays as it was. Photographs were exposed for the light that there was: what is drawn from a range is brighter than
     that as often as darker, up to where white would be cut off.
+
+    `lamp` colors one lamp of those that moving shadows tell, by its number (1 is the strongest), the `strongest`, or
+    `all` of them without the ambient light: each pixel's share of that light changes. Refused where they are not told.
     """
 
     range: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
     recorded: RGB | Literal["estimate"] = "estimate"
     ambient: Unit = 0.0
+    lamp: Annotated[int, Field(ge=1, le=rig.MOST_LAMPS)] | Literal["strongest", "all"] | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
+    needs: ClassVar[Needs] = Needs(lamps="lamp")
     asked_as: ClassVar[Mapping[str, str]] = {
         "light": "mood, atmosphere, ambience, tone, ambient light, light level, sunshine, "
         "daylight, light, lights, lighting, the light, lit, illuminate, illuminated, "
@@ -93,6 +101,8 @@ class LightColor(Operator):
             raise ValueError(f"range: low {self.range[0]} exceeds high {self.range[1]}")
         if self.recorded != "estimate" and min(self.recorded) <= 0:
             raise ValueError("recorded: each channel must exceed 0, or no gain could be told")
+        if self.lamp is not None and self.ambient:
+            raise ValueError("ambient: a lamp has none; leave out either it or `lamp`")
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         color = rng.uniform(*np.array(self.range))
@@ -106,14 +116,34 @@ class LightColor(Operator):
             color = color * light.LAMP / np.mean(self.range)
             color = color * min(1.0, light.headroom(scene.episode) / np.max(color / recorded))
         gain = self.ambient + (1 - self.ambient) * color / recorded
-        return {
+        edit = {
             "color": color.tolist(),
             "recorded": recorded.tolist(),
             "gain": gain.tolist(),
             "unlit": list(light.unlit(scene.episode)),
         }
+        return edit if self.lamp is None else edit | self._chosen(scene, self.lamp)
+
+    def _chosen(self, scene: Scene, lamp: int | str) -> Edit:
+        """All lamps as they were recorded and are now, and the indices of those that are colored."""
+        known = shadows.relit(scene)
+        if known is None:
+            raise Unsupported(f"light_color: which light is a lamp's is not told: {NONE}")
+        count = len(known.recorded.directions)
+        if isinstance(lamp, int) and lamp > count:
+            raise Unsupported(f"light_color: lamp {lamp} of the {count} that cast shadows")
+        both = {"recorded": shadows.plain(known.recorded), "now": shadows.plain(known.now)}
+        return {"lamps": both, "colored": rig.chosen(known.recorded, lamp)}
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["gain"]
-        gain = Gain((red, green, blue), tuple(edit["unlit"]))
-        return replace(scene, appearance=(*scene.appearance, gain))
+        if "lamps" not in edit:
+            gain = Gain((red, green, blue), tuple(edit["unlit"]))
+            return replace(scene, appearance=(*scene.appearance, gain))
+        recorded, now = (shadows.rig_of(edit["lamps"][one]) for one in ("recorded", "now"))
+        before = scene.relit or Relit(recorded, now, unlit=tuple(edit["unlit"]))
+        gains = list(before.gains or [(1.0, 1.0, 1.0)] * len(recorded.directions))
+        for one in edit["colored"]:
+            old = gains[one]
+            gains[one] = old[0] * red, old[1] * green, old[2] * blue
+        return replace(scene, relit=replace(before, gains=tuple(gains)))

@@ -84,7 +84,12 @@ def _light(_: Fields, edit: Edit) -> str:
     level = 100 * (float(np.mean(edit["gain"])) - 1)
     tint = red / max(blue, 1e-6)
     hue = "warmer" if tint > WARM else "cooler" if tint < 1 / WARM else "of the same tint"
-    return f"lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {hue}"
+    which = (
+        f"{len(edit['colored'])} of {len(edit['lamps']['now']['directions'])} "
+        if "colored" in edit
+        else ""
+    )
+    return f"{which}lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {hue}"
 
 
 def _lamp(_: Fields, edit: Edit) -> str:

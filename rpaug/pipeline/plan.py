@@ -193,7 +193,7 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     wanted = any(operator.needs.bodies for operator in operators)
     bodies = bool(edited) or wanted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
-    lamps = any(operator.needs.lamps for operator in operators)
+    lamps = any(map(_asks_for_lamps, operators))
     return Plan(
         tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled, lamps=lamps
     )  # fmt: skip
@@ -246,6 +246,11 @@ def targets(operator: Operator) -> Iterator[Target]:
     for name in operator.needs.targets:
         value = getattr(operator, name)
         yield from (value,) if isinstance(value, Target) else value or ()
+
+
+def _asks_for_lamps(operator: Operator) -> bool:
+    wanted = operator.needs.lamps
+    return getattr(operator, wanted) is not None if isinstance(wanted, str) else wanted
 
 
 def weigh(

@@ -14,7 +14,7 @@ from rpaug.core.errors import RpaugError
 from rpaug.twin import textures
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.covers import Cover
-from rpaug.twin.look import Bump, Look, TwinLamp
+from rpaug.twin.look import Bump, Look
 from rpaug.twin.staging import StagedTask
 from rpaug.twin.world import Vector, World
 
@@ -64,11 +64,21 @@ def light_color(look: Look, names: Names, value: Any, rng: np.random.Generator) 
     return replace(look, light=_vector(value, rng, 0.0, BRIGHTEST_LAMP))
 
 
+def lamp_color(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """Another color of one lamp; a value is its number and what its color is over the recorded one."""
+    drawn = int(rng.integers(len(look.lamps))), _vector(None, rng, 0.0, 1.0)
+    number, gain = drawn if value is None else value
+    lamps = list(look.lamps)
+    lamps[number] = replace(lamps[number], gain=_vector(gain, rng, 0.0, 0.0))
+    return replace(look, lamps=tuple(lamps))
+
+
 def light_direction(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
     """All lamps turned together and lowered; a value is the new tuple of `Lamp`s."""
     turn, lower = rng.uniform(-FURTHEST_LAMP, FURTHEST_LAMP), rng.uniform(LOWEST_LAMP, 1.0)
     drawn = tuple(
-        TwinLamp(lamp.heading + float(turn), lamp.height * float(lower)) for lamp in look.lamps
+        replace(lamp, heading=lamp.heading + float(turn), height=lamp.height * float(lower))
+        for lamp in look.lamps
     )
     return replace(look, lamps=drawn if value is None else tuple(value))
 
@@ -127,6 +137,7 @@ FACTORS: Mapping[str, Factor] = {
     "object_color": Factor(color(_DARKEST_TINT), ("manipulated",)),
     "object_texture": Factor(texture(0.08, 0.20), ("manipulated",)),
     "light_color": Factor(light_color, None),
+    "lamp_color": Factor(lamp_color, None),
     "light_direction": Factor(light_direction, None),
     "table_color": Factor(color(DARKEST_TABLE), ("table",)),
     "table_texture": Factor(texture(0.3, 0.8), ("table",)),

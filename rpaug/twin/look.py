@@ -17,10 +17,12 @@ LAMPS: Vector = (0.5, 0.5, 0.5)
 
 @dataclass(frozen=True)
 class TwinLamp:
-    """Parallel light from `heading` about the vertical (0: from +x) and `height` above the horizon, radians."""
+    """Parallel light from `heading` about the vertical (0: from +x) and `height` above the horizon, radians; its color
+    over the look's `light`."""
 
     heading: float
     height: float
+    gain: Vector = (1.0, 1.0, 1.0)
 
 
 RIG = tuple(

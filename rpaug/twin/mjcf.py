@@ -167,16 +167,15 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
     source = np.array(
         [along * np.cos(lamp.heading), along * np.sin(lamp.heading), np.sin(lamp.height)]
     )
+    color = np.multiply(look.light, lamp.gain)
     Xml.SubElement(
         scene,
         "light",
         type="directional",
-        pos=_text(
-            1.4 * source + [0.2, 0, 0.8]
-        ),  # inside the walls, which cast no shadow on the table
+        pos=_text(1.4 * source + [0.2, 0, 0.8]),  # further away than all that casts shadows
         dir=_text(-source),
-        diffuse=_text(look.light),
-        specular=_text(np.multiply(SHINE, look.light) if look.specular else np.zeros(3)),
+        diffuse=_text(color),
+        specular=_text(SHINE * color if look.specular else np.zeros(3)),
         castshadow="true" if look.shadows else "false",
     )
 

@@ -51,6 +51,10 @@ class Renderer:
         self.data = mujoco.MjData(self.model)
         self._instance_ids = mjcf.part_of_geoms(self.model, world, look)
         self._soft = mjcf.part_of_flexes(self.model, world)
+        still = {world.handles[p.name] for b in world.bodies for p in b.parts if not p.casts}
+        self._no_casters = frozenset(
+            np.flatnonzero(np.isin(self._instance_ids, list(still))).tolist()
+        )
         self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + self.model.nflex + 8)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = look.shadows
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -95,6 +99,11 @@ class Renderer:
             mujoco.mjtCatBit.mjCAT_ALL,
             self._scene,
         )
+        for one in self._scene.geoms[: self._scene.ngeom]:
+            if one.objtype == mujoco.mjtObj.mjOBJ_GEOM and one.objid in self._no_casters:
+                one.category = (
+                    mujoco.mjtCatBit.mjCAT_DECOR
+                )  # the kind that MuJoCo casts no shadow of
 
     def render(self, camera: Camera, t: int, near: float, far: float) -> Frame:
         """Color, depth (0 where nothing is) and handles (0 there) as `camera` sees the posed world at t."""

@@ -76,7 +76,8 @@ def _room() -> TwinBody:
     wall = 0.05
 
     def panel(name: str, size: tuple[float, ...], middle: tuple[float, float, float]) -> Part:
-        return Part(name, (Geom("box", size, middle, texture="plaster"),), (0.62, 0.72, 0.80))
+        shapes = (Geom("box", size, middle, texture="plaster"),)
+        return Part(name, shapes, (0.62, 0.72, 0.80), casts=False)
 
     top = 0.02
     table = (

@@ -67,12 +67,16 @@ class Flex:
 
 @dataclass(frozen=True)
 class Part:
-    """What one mask handle names; `tint` multiplies the albedo of all its shapes. What bends is a flex, not geoms."""
+    """What one mask handle names; `tint` multiplies the albedo of all its shapes. What bends is a flex, not geoms.
+
+    The room's walls cast no shadow: lamps hang inside it.
+    """
 
     name: str
     geoms: tuple[Geom, ...]
     tint: Vector = WHITE
     flex: Flex | None = None
+    casts: bool = True
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rpaug import Scene, Unsupported
 from rpaug.core.types import Relit, Rig
+from rpaug.operators.light_color import LightColor
 from rpaug.operators.light_direction import LightDirection
 from rpaug.operators.shadows import Shadows
 from rpaug.pipeline.contracts import OperatorContract, shown
@@ -41,6 +42,49 @@ class TestLightDirectionContract(OperatorContract):
 
     def scene(self) -> Scene:
         return lit()
+
+
+class TestLampColorContract(OperatorContract):
+    frames = (0, 1)
+
+    def operator(self) -> LightColor:
+        return LightColor(lamp="strongest")
+
+    def scene(self) -> Scene:
+        return lit()
+
+
+def test_a_lamp_that_is_put_out_leaves_the_ambient_light() -> None:
+    before = lit()
+    dark = LightColor(lamp=1, range=((0, 0, 0), (0, 0, 0)), recorded=(0.5, 0.5, 0.5))
+    after = shown(dark.apply(before, dark.sample(before, np.random.default_rng(0))))
+    view = before.episode.views["overhead"]
+    light = recast.of(before).light("overhead", 0, view.depth(0), view.ids(0))
+    table = view.ids(0) == TABLE
+    ratio = after.views["overhead"].rgb(0).mean(-1) / np.maximum(view.rgb(0).mean(-1), 1)
+    np.testing.assert_allclose(ratio[table & (light > 0.99)], LAMP.ambient, atol=0.02)
+    np.testing.assert_allclose(ratio[table & (light < 0.41)], 1, atol=0.02)
+
+
+def test_colors_of_lamps_multiply_and_stay_with_lamps_that_turn() -> None:
+    rng, before = np.random.default_rng(0), lit()
+    red = LightColor(lamp="all", range=((0.5, 0.1, 0.1),) * 2, recorded=(0.5, 0.5, 0.5))
+    once = red.apply(before, red.sample(before, rng))
+    twice = red.apply(once, red.sample(once, rng))
+    np.testing.assert_allclose(twice.relit.gains, [[1, 0.04, 0.04]])
+    turned = LightDirection(to=(0.0, -0.6, 0.8))
+    assert turned.apply(twice, turned.sample(twice, rng)).relit.gains == twice.relit.gains
+
+
+def test_a_lamp_that_is_not_told_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(Unsupported, match="no shadow was seen"):
+        LightColor(lamp="strongest").sample(scene(EYES, length=2), rng)
+    with pytest.raises(Unsupported, match="lamp 2 of the 1"):
+        LightColor(lamp=2).sample(lit(), rng)
+    for wrong in ({"lamp": 0}, {"lamp": "left"}, {"lamp": 1, "ambient": 0.5}):
+        with pytest.raises(ValidationError):
+            TypeAdapter(LightColor).validate_python(wrong)
 
 
 def test_without_known_lamps_it_is_refused() -> None:

@@ -97,6 +97,12 @@ def test_the_plan_of_each_operator(name: str) -> None:
     assert (made.bodies, made.gaussians, made.parts) == (bodies, gaussians, ())
 
 
+def test_lamps_are_sought_where_one_is_named() -> None:
+    episode = scene(EYES, length=2).episode
+    asked = [LightColor(), LightColor(lamp=1), recipe.option("shadows", {}).operator]
+    assert [plan.make([one], episode).lamps for one in asked] == [False, True, True]
+
+
 def test_parts_are_those_of_targets_not_of_anchors() -> None:
     episode = scene(EYES, length=2).episode
     part = Target.model_validate(PART)

@@ -67,6 +67,23 @@ def test_object_color_changes_that_object_only(drawer, target):
         assert np.abs(after[mine] - expected).max(initial=0) <= 0.5 + 0.5 * (new / old).max() + 1e-3
 
 
+def test_one_lamp_of_another_color_changes_what_it_reaches():
+    look = twin.Look(shadows=True)
+    plain, changed = (
+        twin.perform("open_drawer", 3, frames=16, look=look, **factor)
+        for factor in ({}, {"factor": "lamp_color", "value": (1, (1.0, 0.5, 0.0))})
+    )
+    assert [lamp.gain[2] for lamp in changed.truth.new.lamps] == [1, 0, 1]
+    for name, view in plain.episode.views.items():
+        gone = view.rgb(4).astype(int) - changed.episode.views[name].rgb(4)
+        assert not gone[..., 0].any()  # red is as it was
+        assert (gone[..., 2].min(), (gone[..., 2] == 0).any(), (gone[..., 2] > 20).any()) == (
+            0,
+            True,
+            True,
+        )
+
+
 def test_light_color_scales_everything_alike(drawer):
     changed = twin.perform("open_drawer", 3, frames=16, factor="light_color")
     ratio = np.divide(changed.truth.light[1], changed.truth.light[0])

@@ -202,3 +202,16 @@ def test_triton_is_loaded_before_mesa_or_not_at_all(triton: str, tmp_path: Path)
         [sys.executable, "-c", script, word], env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_walls_cast_no_shadow():
+    """Lamps hang inside the room; the arm alone darkens walls and floor."""
+    both = [
+        twin.perform("open_drawer", 0, frames=17, look=twin.Look(shadows=one, lamps=twin.RIG[:1]))
+        for one in (False, True)
+    ]
+    handles = both[0].truth.handles
+    plain, shaded = (take.episode.views["overhead"].rgb(0).astype(int) for take in both)
+    ids = both[0].episode.views["overhead"].ids(0)
+    assert (plain - shaded)[ids == handles["floor"]].max() <= 1
+    assert (plain - shaded)[ids == handles["table"]].max() > 20

@@ -3,6 +3,7 @@
 python -m tools.bench.edits --factor object_color --seeds 10 --out edits
 """
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +18,7 @@ from rpaug.cli.progress import progress_bar
 from rpaug.core.files import atomic_folder
 from rpaug.pipeline import pareto
 from tools.bench.harness import edits as measured
-from tools.bench.harness import perceptual, sheets
+from tools.bench.harness import lights, pages, perceptual, sheets
 
 
 def edits(
@@ -29,8 +30,10 @@ def edits(
     frames: Annotated[int, typer.Option(min=2)] = 17,
     size: Annotated[int, typer.Option(min=8, help="Pixels a side.")] = 128,
     antialias: Annotated[bool, typer.Option(help="Anti-alias the color images.")] = False,
-    specular: Annotated[bool, typer.Option(help="Give surfaces highlights.")] = False,
-    shadows: Annotated[bool, typer.Option(help="Let the lamps cast shadows.")] = False,
+    light: Annotated[
+        measured.Light, typer.Option(help="Let the lamps cast shadows, be mirrored, or both.")
+    ] = "plain",
+    lamps: Annotated[int, typer.Option(min=1, max=3, help="How many there are.")] = 3,
     gaussians: Annotated[
         bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
     ] = False,
@@ -41,13 +44,14 @@ def edits(
     ] = None,
     lpips: Annotated[Path | None, typer.Option(help="LPIPS' state dict for VGG16.")] = None,
     clip: Annotated[Path | None, typer.Option(help="Folder of a CLIP model.")] = None,
+    record: Annotated[bool, typer.Option(help="Also put a table on the page of lights.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Measure every factor's edit, and baselines, against the factor truly changed.
 
     Example: [bold]python -m tools.bench.edits --factor object_color --seeds 10 --out edits[/]
     """
-    switches = {"antialias": antialias, "specular": specular, "shadows": shadows}
+    switches = {"antialias": antialias, "light": light, "lamps": lamps}
     shape = {
         "seeds": seeds,
         "first_seed": first_seed,
@@ -75,6 +79,10 @@ def edits(
         (folder / "edits.json").write_bytes(document)
         (folder / "edits.csv").write_bytes(pareto.as_csv(flat))
         sheets.page(folder, found, images)
+    if record:
+        given = [one for one in sys.argv[1:] if one != "--record"]
+        command = " ".join(["python -m tools.bench.edits", *given])
+        pages.record(lights.TOPIC, lights.table(setting, rows, command))
     if as_json:
         print_json({"out": str(out), "skipped": skipped, "summary": found})
     else:

@@ -25,7 +25,11 @@ DARK = 2.0 / 255  # brightness below which nothing tells
 ALIKE = 0.03  # log brightness by which one albedo is known at best
 STRANGE = 3.0  # spreads: a light that misses an albedo by more is as bad as any
 TRUST = 3.0  # squared spreads that it costs a lamp to be another than the surfaces say
-UNSEEN = 0.3  # the same for walls and floor: much of what casts shadows there is in no image
+UNSEEN = 1.0  # the same for walls and floor: much of what casts shadows there is in no image
+EDGE = 7  # pixels wide: the map's edge of a shadow lies within so much of the recorded one
+SHARP = 0.05  # of a lamp's light, from which the map changes
+AWAY = 4.0  # times as much trust away from such edges
+EDGED = 0.1  # log light by which neighbours differ, from which a shadow ends there
 NEAR = 5  # pixels wide: neighbours that have the same light more often than not
 ROUNDS = 3  # of albedo and spread
 WELL_LIT = 0.98  # quantile of the light on a thing
@@ -188,14 +192,23 @@ def _candidates(scene: Scene, name: str, t: int, lamps: Rig) -> _Candidates:
     maps = casting.casters(scene).maps(t, lamps.directions)
     reached = [one.reached(places) for one in maps]
     full = lamps.light(places.normals, [1.0] * len(reached))
+    sure = [_sure(one, (view.camera.height, view.camera.width)) for one in reached]
     light, doubt = [], []
     for state in product((1.0, 0.0), repeat=len(reached)):
         light.append(np.log(lamps.light(places.normals, state) / full))
-        doubt.append(sum(np.abs(one - share) for one, share in zip(state, reached, strict=True)))
+        off = [np.abs(one - share) for one, share in zip(state, reached, strict=True)]
+        doubt.append(sum(much * one for much, one in zip(sure, off, strict=True)))
     walls = np.isin(view.ids(t), sorted(scene.roles.get("background", ()))).reshape(-1, 1)  # type: ignore[misc]
     return _Candidates(
         np.stack(light, 1), np.where(walls, UNSEEN, TRUST) * np.stack(doubt, 1), full
     )
+
+
+def _sure(reached: Float32[np.ndarray, "n"], shape: tuple[int, int]) -> Float32[np.ndarray, "n"]:
+    """How much more surfaces are trusted than at the edge of a shadow: where all around is reached alike."""
+    image, kernel = reached.reshape(shape), np.ones((EDGE, EDGE), np.uint8)
+    alike = cv2.dilate(image, kernel) - cv2.erode(image, kernel) < SHARP
+    return np.where(alike, AWAY, 1).astype(np.float32).reshape(-1)
 
 
 def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray, "h w"]:
@@ -213,7 +226,25 @@ def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray
     cost = (fits + seen.doubt).reshape(*ids.shape, -1).astype(np.float32)
     chosen = _with_neighbours(cost, ids).argmin(-1)
     light = np.take_along_axis(seen.light.reshape(cost.shape), chosen[..., None], -1)[..., 0]
+    light = _at_edges(light, level, ids)
     return np.where(ids > 0, np.exp(light), 1).astype(np.float32)
+
+
+def _at_edges(
+    light: Float32[np.ndarray, "h w"],
+    level: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+) -> Float32[np.ndarray, "h w"]:
+    """Log light, at the edge of a shadow as much between both sides as makes the albedo that of what is around."""
+    kernel = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(light, kernel), cv2.dilate(light, kernel)
+    edge, pure = high - low > EDGED, lit.inside(ids)
+    known = (pure & ~edge).astype(np.float32)
+    size = (NEAR, NEAR)
+    weight = cv2.boxFilter(known, -1, size)
+    own = cv2.boxFilter(known * (level - light), -1, size) / np.maximum(weight, 1e-6)
+    between = np.clip(level - own, low, high)
+    return np.where(edge & pure & (weight > 0), between, light).astype(np.float32)
 
 
 def _with_neighbours(

@@ -23,6 +23,7 @@ from rpaug.scene.recorded.carry import carried
 
 CHANGED = 0.05  # of a lamp's light, from which a place has gained or lost it
 RIM = 1  # pixels around such places in which a recorded shadow may end
+ASTRAY = 2  # pixels from the map's shadow of a thing that its recorded one may reach
 ALIKE = 0.1  # log light by which a measured one may differ from one of few
 TRUST = 3.0  # squared multiples of it, that it costs a lamp to be another than the surfaces say
 KEPT = 16  # images: each is asked for again as it is drawn
@@ -128,11 +129,65 @@ class Recast:
         new = np.isin(ids.reshape(-1), self._put_in)
         return np.where((ids.reshape(-1) > 0) & ~new, now / share, now).reshape(ids.shape)
 
+    def tint(
+        self,
+        camera: Camera,
+        t: int,
+        depth: Float32[np.ndarray, "h w"],
+        ids: Int32[np.ndarray, "h w"],
+        name: str | None,
+    ) -> Float32[np.ndarray, "h w 3"]:
+        """What lamps of another color come to, over the light that an image would have with theirs as recorded.
+
+        `name` is of a camera that stands as it was recorded: there pixels tell which lamps reached them.
+        """
+        now, rows = self.relit.now, np.arange(depth.size)
+        places = casting.lifted(depth, ids, camera, t, rows)
+        reached = [self._reached(places, t, np.array(one)) for one in now.directions]
+        view = self.scene.episode.views[name] if name else None
+        if name and view and view.depth and view.ids:
+            same = np.flatnonzero((ids == view.ids(t)) & (depth == view.depth(t)))
+            self._by_pixel(name, t, same, places.normals[same], reached)
+        reached = [np.clip(1 - np.float32(self.relit.depth) * (1 - one), 0, 1) for one in reached]
+        light = now.light(places.normals, reached)
+        out = np.ones((len(rows), 3), np.float32)
+        for k, gain in enumerate(self.relit.gains):
+            alone = replace(
+                now, ambient=0.0, directions=(now.directions[k],), strengths=(now.strengths[k],)
+            )
+            share = alone.light(places.normals, [reached[k]]) / light
+            out += share[:, None] * (np.array(gain, np.float32) - 1)
+        out[(depth.reshape(-1) <= 0) | np.isin(ids.reshape(-1), self.relit.unlit)] = 1
+        return out.reshape(*depth.shape, 3)
+
+    def _by_pixel(
+        self,
+        name: str,
+        t: int,
+        rows: Int64[np.ndarray, "n"],
+        normals: Float32[np.ndarray, "n 3"],
+        reached: list[Float32[np.ndarray, "m"]],
+    ) -> None:
+        """Correct which lamps reach recorded pixels, where their own light tells it."""
+        if self.relit.now != self.relit.recorded:
+            for one, stays in zip(reached, self._unseen(name, t, rows), strict=True):
+                one[rows[stays]] = 0
+        elif not self.relit.softness:
+            share = self._standing(name, t).reshape(-1)[rows]
+            known = [one[rows] for one in reached]
+            for one, state in zip(
+                reached, _states(share, normals, known, self.relit.now), strict=True
+            ):
+                one[rows] = state
+
     def _kept(self, name: str, t: int) -> Float32[np.ndarray, "h w"]:
         """Of the recorded image, where only what stands in the lamps' way has changed."""
+        return self._deeper(self._standing(name, t))
+
+    def _standing(self, name: str, t: int) -> Float32[np.ndarray, "h w"]:
         share = self._was(name, t)
         changed = self._after is not self._before
-        return self._deeper(self._exchanged(name, t, share) if changed else share)
+        return self._exchanged(name, t, share) if changed else share
 
     def _exchanged(
         self, name: str, t: int, share: Float32[np.ndarray, "h w"]
@@ -183,14 +238,18 @@ class Recast:
         return np.where(known, share * full / self.relit.recorded.light(source, every), share)
 
     def _unseen(self, name: str, t: int, rows: Int64[np.ndarray, "n"]) -> Bool[np.ndarray, "l n"]:
-        """Of recorded pixels by lamp: where walls and floor lie in shadows that nothing seen casts. They stay."""
-        view, lamps = self.scene.episode.views[name], self.relit.recorded
-        _, places = casting.discs_of(view, t, rows)
+        """Of recorded pixels by lamp: where walls and floor lie in shadows that nothing seen casts. They stay, but for
+        the rims of those that things do cast."""
+        view, lamps, was = self.scene.episode.views[name], self.relit.recorded, self._was(name, t)
+        _, places = casting.discs_of(view, t, np.arange(was.size))
         reached = [one.reached(places) for one in self._before.maps(t, lamps.directions)]
-        states = _states(self._was(name, t).reshape(-1)[rows], places.normals, reached, lamps)
+        states = _states(was.reshape(-1), places.normals, reached, lamps)
         walls = np.isin(view.ids(t), sorted(self.scene.roles.get("background", ())))  # type: ignore[misc]
-        cast = [(now == 0) & (known > 0.5) for now, known in zip(states, reached, strict=True)]
-        return np.array(cast) & walls.reshape(-1)[rows]
+        cast = [
+            (now == 0) & ~grown(known.reshape(was.shape) <= 0.5, ASTRAY).reshape(-1)
+            for now, known in zip(states, reached, strict=True)
+        ]
+        return np.array(cast)[:, rows] & walls.reshape(-1)[rows]
 
     def _reached(
         self, places: Discs, t: int, direction: Float64[np.ndarray, "3"]
@@ -233,10 +292,11 @@ def _casters(recorded: Scene) -> Casters:
 
 
 def times(
-    rgb: UInt8[np.ndarray, "h w 3"], gain: Float32[np.ndarray, "h w"]
+    rgb: UInt8[np.ndarray, "h w 3"], gain: Float32[np.ndarray, "h w"] | Float32[np.ndarray, "h w 3"]
 ) -> UInt8[np.ndarray, "h w 3"]:
     """An image with each pixel that many times as bright."""
-    return np.minimum(np.rint(rgb * gain[..., None]), 255).astype(np.uint8)
+    gain = gain if gain.ndim == rgb.ndim else gain[..., None]
+    return np.minimum(np.rint(rgb * gain), 255).astype(np.uint8)
 
 
 def _edges(

@@ -66,6 +66,14 @@ def nearest_at(lamps: Rig, direction: Float64[np.ndarray, "3"]) -> Rig:
     return _level(lamps.ambient, directions, lamps.strengths)
 
 
+def chosen(lamps: Rig, which: int | str) -> list[int]:
+    """Indices of the lamp of that number, 1 for the strongest; of the "strongest", or of "all". Raises IndexError."""
+    ordered = np.argsort([-one for one in lamps.strengths], kind="stable").tolist()
+    if which == "all":
+        return ordered
+    return [ordered[0 if which == "strongest" else int(which) - 1]]
+
+
 def with_ambient(lamps: Rig, share: float) -> Rig:
     """The lamps with such a share of all light that has no direction."""
     strengths = np.array(lamps.strengths) * (1 - share) / sum(lamps.strengths)

@@ -53,6 +53,38 @@ def test_level_ground_that_all_lamps_reach_has_light_one(shaded):
     assert found.light(up, [0.0] * len(found.directions)) == pytest.approx(found.ambient)
 
 
+def test_a_dark_pattern_is_no_shadow_where_nothing_casts_one(shaded, bare):
+    """Tiles that vary by a tenth and more lay in shadow before, since nothing spoke against it."""
+    take, scene = shaded
+    for name in ("overhead", "left_shoulder", "right_shoulder"):
+        view, plain = take.episode.views[name], bare[0].episode.views[name]
+        floor = view.ids(0) == take.truth.handles["floor"]
+        true = view.rgb(0)[floor].mean(-1) / plain.rgb(0)[floor].mean(-1)
+        assert floor.sum() > 500
+        assert (intrinsic.share(scene, name, 0)[floor] < 0.85 * true).mean() < 0.02
+
+
+def test_surfaces_are_trusted_less_where_a_shadow_ends():
+    reached = np.ones((9, 20), np.float32)
+    reached[:, 10:] = 0
+    sure = intrinsic._sure(reached.reshape(-1), reached.shape).reshape(reached.shape)
+    assert (sure[:, 7:13] == 1).all()
+    assert (sure[:, [0, 6, 13, 19]] == intrinsic.AWAY).all()
+
+
+def test_a_pixel_at_the_edge_of_a_shadow_has_part_of_a_lamp():
+    ids = np.ones((20, 30), np.int32)
+    true = np.zeros(ids.shape, np.float32)
+    true[:, 15:] = -0.8
+    level = true - 0.5
+    level[:, 14] = -0.9  # half in shadow
+    found = intrinsic._at_edges(true, level, ids)
+    np.testing.assert_allclose(found[2:-2, 14], -0.4, atol=1e-5)
+    np.testing.assert_allclose(np.delete(found, 14, 1), np.delete(true, 14, 1), atol=1e-5)
+    level[:, 14] = -2.0  # darker than either side
+    assert intrinsic._at_edges(true, level, ids)[2:-2, 14] == pytest.approx(-0.8)
+
+
 def test_without_moving_shadows_nothing_changes(bare):
     take, scene = bare
     assert rig.find(scene) is None

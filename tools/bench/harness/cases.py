@@ -14,7 +14,7 @@ from rpaug.core.types import Episode
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
 from rpaug.scene import build
-from rpaug.scene.lighting import albedo, light
+from rpaug.scene.lighting import albedo, light, rig, shadows
 from rpaug.twin import LAMPS, RIG, Laid, Take, TwinLamp
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
@@ -44,7 +44,7 @@ class FactorCase:
     `ask` gets the recording, its truly changed version, and a folder for images. `colors` gives what a 2D recoloring
     goes by, old and new by handle: the old ones known, or read off the recording as `rpaug, estimated` does.
     `targets` are taken in turn. `value` draws the true change where the twin does not, and `baseline` is what is done
-    to single pictures by those who know as much.
+    to single pictures by those who know as much. Some are measured under cast `shadows` alone: they need lamps told.
     """
 
     operator: str
@@ -54,6 +54,7 @@ class FactorCase:
     targets: tuple[str | None, ...] = (None,)
     value: Callable[[Take], Any] | None = None
     baseline: tuple[str, Callable[[Take, Take], Episode]] | None = None
+    shadows: bool = False
 
 
 def _recolor(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -95,6 +96,32 @@ def _light_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     old, new = true.truth.light
     given, estimated = {"range": (new, new), "recorded": old}, {"range": (new, new)}
     return Ask(TOLD, (given,)), Ask(ESTIMATED, (estimated,))
+
+
+def _lamp_color(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    """The lamp that stands nearest to where the changed one truly does, of those that are found."""
+    lamp = _changed_lamp(recorded, true)
+    known = shadows.relit(build.build(recorded.episode, with_bodies=True))
+    number = 1
+    if known is not None:
+        nearest = int(np.argmax(np.array(known.recorded.directions) @ _towards(lamp)))
+        number += rig.chosen(known.recorded, "all").index(nearest)
+    old = recorded.truth.new.light
+    new = tuple(np.multiply(old, lamp.gain).tolist())
+    return (Ask(ESTIMATED, ({"range": (new, new), "recorded": old, "lamp": number},)),)
+
+
+def _level_ground(recorded: Take, true: Take, known: bool) -> Colors:
+    """What white level ground looks like before and after."""
+    lamp, up = _changed_lamp(recorded, true), [_towards(one)[2] for one in recorded.truth.new.lamps]
+    share = LAMPS[0] * _towards(lamp)[2] / (AMBIENT + LAMPS[0] * sum(up))
+    return {None: ((1.0, 1.0, 1.0), tuple(1 + share * (np.array(lamp.gain) - 1)))}
+
+
+def _changed_lamp(recorded: Take, true: Take) -> TwinLamp:
+    both = zip(recorded.truth.new.lamps, true.truth.new.lamps, strict=True)
+    (found,) = (new for old, new in both if new != old)
+    return found
 
 
 def _light_direction(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
@@ -191,6 +218,7 @@ CASES: Mapping[str, FactorCase] = {
         "retexture", _texture, _albedos, targets=("manipulated", "receiver")
     ),
     "light_color": FactorCase("light_color", _light_color, _lights),
+    "lamp_color": FactorCase("light_color", _lamp_color, _level_ground, shadows=True),
     # One lamp: the operator's model, whose error is then that of faces and shadows alone.
     "light_direction": FactorCase("light_direction", _light_direction, lamps=RIG[:1]),
     "table_color": FactorCase("table_color", _table_color, _albedos),
