@@ -28,7 +28,7 @@ MODULE = "tools.bench.suite"
 LISTENS = "RPAUG_SUITE_SECONDS"  # the folder that each of pytest's processes writes its times into
 MOST = 12 * 60  # processor seconds of `make test`
 WHOLE, START = "make test", "starting"
-TOPIC = "house"
+TOPIC = "suite"
 COLUMNS = ("before", "now")
 
 
