@@ -25,8 +25,9 @@ check: $(VENV)/.installed
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Compiled modules are kept, whatever the shell says: each worker reads every test file, and hundreds of processes start.
 unit: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile
 
 wheel: $(VENV)/.installed
 	$(BIN)/python tools/check_wheel.py

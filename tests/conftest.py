@@ -1,7 +1,11 @@
 """Shared fixtures: a small exact dataset in RLBench's format, real samples where they are at hand, analysed scenes."""
 
+import hashlib
 import os
+import pickle
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import boxes
 import pytest
@@ -9,7 +13,8 @@ from analysed import analysed
 from rolling import demonstration
 
 from rpaug.core.registry import adapter
-from rpaug.core.types import Scene
+from rpaug.core.types import Episode, Scene
+from rpaug.scene import build
 
 for name in ("RPAUG_LLM_URL", "RPAUG_LLM_MODEL", "RPAUG_LLM_KEY"):
     os.environ.pop(name, None)  # no test asks the model that a developer has settled on
@@ -61,3 +66,32 @@ def placed() -> tuple[boxes.World, Scene]:
 def pushed() -> tuple[boxes.World, Scene]:
     world = boxes.push()
     return world, analysed(world.episode())
+
+
+@pytest.fixture(scope="module")
+def tracked_once() -> Iterator[None]:
+    """Find how instances move once an episode in a file whose tests ask for nothing of how that is found. Episodes are
+    told apart by their content: one that is spoilt or edited is tracked anew."""
+    found: dict[tuple[str, str], Any] = {}
+    track = build._tracked
+
+    def tracked(episode: Episode, arms: tuple[Any, ...]) -> Any:
+        key = content(episode), repr(arms)
+        if key not in found:
+            found[key] = track(episode, arms)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(build, "_tracked", tracked)
+        yield
+
+
+def content(episode: Episode) -> str:
+    """Hash of all that tracking may read."""
+    digest = hashlib.sha256(pickle.dumps((episode.robot, episode.descriptions, episode.length)))
+    for name, view in sorted(episode.views.items()):
+        digest.update(pickle.dumps((name, view.camera)))
+        for read in (view.rgb, view.depth, view.ids):
+            for t in range(episode.length if read else 0):
+                digest.update(pickle.dumps(read(t)))
+    return digest.hexdigest()

@@ -13,13 +13,18 @@ import pytest
 from tools import architecture
 
 MODULES = architecture.modules()
-GRAPH = architecture.imports(MODULES)
 ROOT = architecture.ROOT
 SMALL, FEW = (
     60,
     15,
 )  # lines of a module that only one other imports, and how many such modules there may be
 LONG = 60  # lines of a function; a longer one says why in a comment that begins with "Long:"
+
+
+@pytest.fixture(scope="module")
+def graph() -> architecture.Graph:
+    """Read when a test asks: every worker collects this file, and one runs it."""
+    return architecture.imports(MODULES)
 
 
 def test_the_top_level_holds_the_public_names_alone() -> None:
@@ -32,15 +37,15 @@ def test_there_are_at_most_twenty_rooms() -> None:
     assert 10 < len(rooms) + 3 <= 20  # beside them: adapters, recipes, tools/bench
 
 
-def test_no_modules_import_each_other_in_a_ring() -> None:
-    assert architecture.cycle(GRAPH) == []
+def test_no_modules_import_each_other_in_a_ring(graph: architecture.Graph) -> None:
+    assert architecture.cycle(graph) == []
 
 
-def test_no_rooms_import_each_other_in_a_ring() -> None:
-    assert architecture.cycle(architecture.rooms(GRAPH)) == []
+def test_no_rooms_import_each_other_in_a_ring(graph: architecture.Graph) -> None:
+    assert architecture.cycle(architecture.rooms(graph)) == []
 
 
-def test_no_arrow_points_up() -> None:
+def test_no_arrow_points_up(graph: architecture.Graph) -> None:
     level = {
         name: height
         for height, layer in enumerate(reversed(architecture.layers()))
@@ -51,7 +56,7 @@ def test_no_arrow_points_up() -> None:
         parts = module.removeprefix("rpaug.").split(".")
         return level.get(".".join(parts[:2]), level.get(parts[0]))
 
-    for name, others in GRAPH.items():
+    for name, others in graph.items():
         for other in others:
             if name.startswith("rpaug.") and other.startswith("rpaug."):
                 mine, theirs = of(name), of(other)
@@ -70,8 +75,8 @@ def test_a_ring_would_be_found() -> None:
     assert architecture.cycle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
 
 
-def test_modules_that_one_other_imports_are_not_small() -> None:
-    users = Counter(other for others in GRAPH.values() for other in others)
+def test_modules_that_one_other_imports_are_not_small(graph: architecture.Graph) -> None:
+    users = Counter(other for others in graph.values() for other in others)
     small = [
         name
         for name, path in MODULES.items()
@@ -103,12 +108,12 @@ def test_class_names_are_unique() -> None:
     assert [name for name, count in named.items() if count > 1] == []
 
 
-def test_outsiders_use_only_the_modules_that_a_room_names() -> None:
+def test_outsiders_use_only_the_modules_that_a_room_names(graph: architecture.Graph) -> None:
     doors = {
         path.parent.relative_to(ROOT / "rpaug").as_posix().replace("/", "."): _named(path)
         for path in (ROOT / "rpaug").glob("*/**/__init__.py")
     }
-    for name, others in GRAPH.items():
+    for name, others in graph.items():
         for other in others:
             parts = other.split(".")
             home = next(

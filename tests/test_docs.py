@@ -15,6 +15,7 @@ from rpaug.core.version import __version__
 from rpaug.physics import materials
 from rpaug.pipeline import recipe
 
+pytestmark = pytest.mark.usefixtures("tracked_once")
 ROOT = Path(__file__).parent.parent
 PAGES = [
     ROOT / "README.md",

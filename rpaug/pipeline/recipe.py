@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -272,14 +272,21 @@ def option(name: str, fields: dict[str, Any]) -> Option:
 
 def schema() -> dict[str, Any]:
     """JSON Schema of recipe files, with every installed operator's fields."""
+    installed = tuple((name, registry.operator(name)) for name in registry.operator_names())
+    return dict(json.loads(_schema(installed)))
+
+
+@cache
+def _schema(operators: tuple[tuple[str, type[Operator]], ...]) -> str:
+    """The schema with these operators, as text: whoever asks gets it new, and it is made once."""
     top = _Top.model_json_schema()
     definitions = top.setdefault("$defs", {})
     names: list[dict[str, str]] = []
     alternatives: list[dict[str, str]] = []
     chance = {"probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0}}
     weight = {"weight": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e6, "default": 1.0}}
-    for name in registry.operator_names():
-        fields = TypeAdapter(registry.operator(name)).json_schema(ref_template="#/$defs/{model}")
+    for name, operator in operators:
+        fields = TypeAdapter(operator).json_schema(ref_template="#/$defs/{model}")
         definitions.update(fields.pop("$defs", {}))
         fields["required"] = ["op", *fields.get("required", [])]
         for kind, extra, group in (("op", chance, names), ("one_of", weight, alternatives)):
@@ -299,7 +306,7 @@ def schema() -> dict[str, Any]:
         "items": {"oneOf": [*names, {"$ref": "#/$defs/one_of"}]},
         "default": [],
     }
-    return top
+    return json.dumps(top)
 
 
 def _painted(entry: Any, painter: str | None) -> Any:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from cast_once import cast_once
 
 from rpaug.core.types import Body, Camera, CameraView, Episode, Robot, Scene
 
@@ -42,6 +43,7 @@ def color(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
     )
 
 
+@cast_once
 def shoot(K, pose, width, height, ball=None, origin=(0.0, 0.0, 0.0)):
     """Exact (rgb, depth, ids) of one view, by one ray through each pixel's centre."""
     rows, columns = np.mgrid[:height, :width]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from cast_once import cast_once
 
 from rpaug.core import geometry
 from rpaug.core.types import Camera, CameraView, Episode, Robot
@@ -36,6 +37,30 @@ def look_at(eye: tuple[float, float, float], target: tuple[float, float, float])
     return pose
 
 
+@cast_once
+def cast(
+    n: int, K: np.ndarray, cam_to_world: np.ndarray, boxes: Mapping[int, Box]
+) -> tuple[np.ndarray, ...]:
+    """Depth, handles and shaded colors of boxes that stand still, n x n pixels."""
+    rays = geometry.unproject(np.ones((n, n)), K) @ cam_to_world[:3, :3].T
+    eye = cam_to_world[:3, 3]
+    depth, ids = np.full((n, n), np.inf), np.zeros((n, n), np.int32)
+    rgb = np.zeros((n, n, 3), np.uint8)
+    for instance_id, box in boxes.items():
+        back = geometry.inverse(box.poses)
+        o, d = geometry.transform(back, eye), rays @ back[:3, :3].T
+        d = np.where(np.abs(d) < 1e-12, 1e-12, d)
+        half = np.array(box.size) / 2
+        near = np.minimum((-half - o) / d, (half - o) / d)
+        far = np.maximum((-half - o) / d, (half - o) / d)
+        enter = near.max(-1)
+        hit = (enter < far.min(-1)) & (enter > 0) & (enter < depth)
+        depth[hit], ids[hit] = enter[hit], instance_id
+        shade = np.array([0.7, 0.85, 1.0])[near.argmax(-1)][hit]
+        rgb[hit] = (shade[:, None] * box.color).astype(np.uint8)
+    return np.where(np.isinf(depth), 0, depth).astype(np.float32), ids, rgb
+
+
 EYES = {"front": (1.0, 0.2, 0.7), "left": (-0.6, 0.8, 0.8), "right": (-0.4, -0.9, 0.9)}
 
 
@@ -51,26 +76,12 @@ class World:
         poses = self.boxes[instance_id].poses
         return poses if poses.ndim == 2 else poses[t]
 
-    def cast(self, camera: Camera, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cast(self, camera: Camera, t: int) -> tuple[np.ndarray, ...]:
         """Depth, handles and shaded colors of one image."""
-        n = self.size
-        rays = geometry.unproject(np.ones((n, n)), camera.K) @ camera.cam_to_world[t, :3, :3].T
-        eye = camera.cam_to_world[t, :3, 3]
-        depth, ids = np.full((n, n), np.inf), np.zeros((n, n), np.int32)
-        rgb = np.zeros((n, n, 3), np.uint8)
-        for instance_id, box in self.boxes.items():
-            back = geometry.inverse(self.pose(instance_id, t))
-            o, d = geometry.transform(back, eye), rays @ back[:3, :3].T
-            d = np.where(np.abs(d) < 1e-12, 1e-12, d)
-            half = np.array(box.size) / 2
-            near = np.minimum((-half - o) / d, (half - o) / d)
-            far = np.maximum((-half - o) / d, (half - o) / d)
-            enter = near.max(-1)
-            hit = (enter < far.min(-1)) & (enter > 0) & (enter < depth)
-            depth[hit], ids[hit] = enter[hit], instance_id
-            shade = np.array([0.7, 0.85, 1.0])[near.argmax(-1)][hit]
-            rgb[hit] = (shade[:, None] * box.color).astype(np.uint8)
-        return np.where(np.isinf(depth), 0, depth).astype(np.float32), ids, rgb
+        boxes = {
+            name: Box(box.size, self.pose(name, t), box.color) for name, box in self.boxes.items()
+        }
+        return cast(self.size, camera.K, camera.cam_to_world[t], boxes)
 
     def episode(self, *, masks: bool = True) -> Episode:
         length = len(self.gripper)

@@ -122,6 +122,7 @@ def brief(episode: Episode, names: tuple[str, ...]) -> Episode:
 
 
 @pytest.mark.gl
+@pytest.mark.usefixtures("tracked_once")
 def test_invalid_actions_are_kept_out_unless_asked_for(tmp_path: Path) -> None:
     key = "pick_block/all_variations/episodes/episode0"
     RLBench().write(brief(take().episode, ("front", "left_shoulder")), tmp_path / "data", key, dict)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpaug import BadRecipe
+from rpaug.core import registry
 from rpaug.core.errors import RpaugError
 from rpaug.pipeline import inputs, recipe
 
@@ -137,6 +138,14 @@ def test_the_schema_knows_every_operator() -> None:
     assert {"op_recolor", "op_light_color", "op_camera_pose", "one_of"} <= names
     assert all(name in schema["$defs"] for name in names)
     assert schema["$defs"]["op_recolor"]["required"] == ["op", "target", "color"]
+
+
+def test_a_schema_is_that_of_the_operators_there_are_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    recipe.schema()["$defs"].clear()  # who changes theirs changes nobody else's
+    assert "op_recolor" in recipe.schema()["$defs"]
+    others = [name for name in registry.operator_names() if name != "recolor"]
+    monkeypatch.setattr(registry, "operator_names", lambda: others)
+    assert "op_recolor" not in recipe.schema()["$defs"]
 
 
 @given(st.integers(0, 2**40), st.text(max_size=20), st.integers(0, 99), st.integers(0, 9))

@@ -19,6 +19,7 @@ from rpaug.core.registry import SAMPLE
 from rpaug.pipeline import copies, inputs, report
 from rpaug.training import AugmentedEpisodes, drawing
 
+pytestmark = pytest.mark.usefixtures("tracked_once")
 EYES = dict(zip(("front", "left_shoulder", "right_shoulder"), boxes.EYES.values(), strict=True))
 FRAMES = [0, 6, 15]  # before the grasp, carried, let go
 STEP = 1e-6  # metres: RLBench's depth has 2^24 steps from 1 cm to 10 m
