@@ -97,7 +97,7 @@ class Distractors(Operator):
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
     asked_as: ClassVar[Mapping[str, str]] = {
         "strangers": "everything not needed, everything not needed for the task, stuff not needed, "
-        "clutter up, distract, distractors, distractor, clutter, distractor objects, "
+        "clutter up, mess up, distract, distractors, distractor, clutter, distractor objects, "
         "other objects, random objects, random things, distracting objects, small objects, "
         "objects not needed, unneeded objects, unneeded things, irrelevant objects, "
         "more clutter, other stuff, side objects, objects not needed for the task, "

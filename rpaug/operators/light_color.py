@@ -70,7 +70,8 @@ class LightColor(Operator):
         "daylight, light, lights, lighting, the light, lit, illuminate, illuminated, "
         "lamp, lamps, illumination, light source, light sources, light bulb, sun, "
         "sunlight, key light, color temperature, light color, light colors, brightness, "
-        "light intensity, intensity, strength, light strength, light temperature, white balance, lamp light",
+        "light intensity, intensity, strength, light strength, light temperature, white balance, lamp light, "
+        "lighting conditions, light conditions, lighting condition, illumination conditions",
         "darker": "night, at night, night time, low light, poor light, poorly lit, darker, dark, "
         "dim, dimming, dimmer, weaker, dimmed, darken, darkened, less light, less bright, underexpose, "
         "underexposed, lower light, reduce the light",

@@ -34,7 +34,7 @@ class Shadows(Operator):
     effect: ClassVar[Effect] = Effect.RGB
     needs: ClassVar[Needs] = Needs(depth=True, lamps=True)
     phrases: ClassVar[tuple[str, ...]] = (
-        "vary the depth of the shadows [to between {depth:number} and {depth:number} times]",
+        "vary the [depth of the] shadows [to between {depth:number} and {depth:number} times]",
         "move the shadows by up to {turn:angle}",
     )
     examples: ClassVar[Examples] = (

@@ -102,6 +102,10 @@ def edits(wish: str) -> list[dict[str, Any]]:
         ("light brighter or darker by 30%", [{"op": "light_color", "range": [[0.35] * 3, [0.65] * 3]}]),
         ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "range": [[0.35] * 3, [0.4] * 3]}]),
         ("light from other sides", [{"op": "light_direction"}]),
+        ("more variety in lighting", [{"op": "light_color"}]),
+        ("different lighting conditions", [{"op": "light_color"}]),
+        ("mess up the table a bit", [{"op": "distractors"}]),
+        ("vary the shadows", [{"op": "shadows"}]),
         (
             "can green/blue/red, each in a third",
             [{"one_of": [{**BLUE, "target": "can", "color": c} for c in ("green", "blue", "red")]}],
