@@ -13,6 +13,10 @@ NOISY = 4e-4  # of depth: rendered depth, also when stored as 16 bits of millime
 RADIUS = 2  # pixels: 5 x 5 neighbours
 OUTLIER = 6.0  # standard deviations: a neighbour farther off is another surface
 FEWEST = 6  # neighbours for a plane
+STEP = 0.03  # of depth: what differs more is an edge
+EQUAL = 0.5  # of neighbours have the same depth where it comes in steps
+SOME = 0.02  # of them differ by a step
+ALIKE = 0.2  # of a step's size: by so little steps differ
 ALONE = (
     2.0  # times as many neighbours on other surfaces as on its own: a pixel that flies between two
 )
@@ -35,6 +39,29 @@ def noise(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> f
         return 0.0
     bend = (left[same] - 2 * middle[same] + right[same]) / middle[same]
     return float(1.4826 * np.median(np.abs(bend)) / np.sqrt(6.0))
+
+
+def steps(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> float:
+    """Deviation, as a share of depth, of depth that comes in steps which pixels share, 0 where it does not.
+
+    Along rows within a thing most pixels then have their neighbour's very value, and where not, 1/z or z differs by one
+    step: the same everywhere. Surfaces that face the camera have equal values too, but no such steps.
+    """
+    near = _nearness(depth)
+    left, right = near[:, :-1], near[:, 1:]
+    both = (ids[:, :-1] == ids[:, 1:]) & (left > 0) & (right > 0)
+    share = np.abs(right - left)[both] / np.maximum(left, right)[both]
+    if share.size < 100:
+        return 0.0
+    step = share[(share > 0) & (share < STEP)]
+    if (share == 0).mean() < EQUAL or len(step) < SOME * share.size:
+        return 0.0
+    here = np.maximum(left, right)[both][(share > 0) & (share < STEP)]
+    for unit in (step * here, step / here):  # in 1/z, in z
+        low, middle, high = np.quantile(unit, (0.25, 0.5, 0.75))
+        if high - low < ALIKE * middle:
+            return float(np.median(step) / np.sqrt(12.0))
+    return 0.0
 
 
 def smooth(

@@ -77,3 +77,26 @@ def test_thin_things_with_an_id_of_their_own_do_not_fly() -> None:
     depth, ids = plane(1.0, 0, 0), np.zeros(SHAPE, np.int32)
     depth[:, 24:26], ids[:, 24:26] = 0.5, 3
     np.testing.assert_array_equal(denoise.grounded(depth, ids, 1e-3), depth)
+
+
+@pytest.mark.parametrize("unit", ["disparity", "depth"])
+def test_depth_in_steps_is_told_from_depth_that_is_smooth(unit) -> None:
+    whole, ids = plane(0.5, 0.0012, 0.0007), np.zeros(SHAPE, np.int32)
+    if unit == "disparity":
+        step = 0.003  # 1/m, as a Kinect has at two metres
+        seen = (1 / (np.rint(1 / whole / step) * step)).astype(np.float32)
+        share = np.median(whole) * step
+    else:
+        step = 0.01
+        seen = (np.rint(whole / step) * step).astype(np.float32)
+        share = step / np.median(whole)
+    assert denoise.steps(seen, ids) == pytest.approx(share / np.sqrt(12), rel=0.15)
+    assert denoise.steps(whole, ids) == 0
+
+
+def test_a_table_seen_from_above_has_no_steps() -> None:
+    ids = np.ones(SHAPE, np.int32)
+    depth = np.full(SHAPE, 1.0, np.float32)
+    ball = (ROWS - 20) ** 2 + (COLUMNS - 24) ** 2 < 144
+    depth[ball] -= 0.002 * np.sqrt(144 - (ROWS - 20) ** 2 - (COLUMNS - 24) ** 2, where=ball)[ball]
+    assert denoise.steps(depth, ids) == 0

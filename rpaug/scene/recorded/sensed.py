@@ -44,12 +44,16 @@ def repaired(episode: Episode) -> Episode:
 
 
 def noise(episode: Episode, name: str) -> float:
-    """Deviation of a camera's depth as a share of depth, the median of a few frames; 0 without depth."""
+    """Deviation of a camera's depth as a share of depth, by noise or steps, the median of a few frames; 0 without."""
     view = episode.views[name]
     if view.depth is None:
         return 0.0
     frames = sampling.frames(episode.length, SAMPLED)
-    return float(np.median([denoise.noise(view.depth(t), _ids(view, t)) for t in frames]))
+    found = list[float]()
+    for t in frames:
+        depth, ids = view.depth(t), _ids(view, t)
+        found.append(max(denoise.noise(depth, ids), denoise.steps(depth, ids)))
+    return float(np.median(found))
 
 
 def told(episode: Episode) -> tuple[str, ...]:
