@@ -31,8 +31,8 @@ from rpaug.cli.dry_run import print_plans
 from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
-ONE_THREAD = "OPENBLAS_NUM_THREADS", "1"
-"""For numpy, whose matrices are small here, before it is loaded: a process of one thread may fork its workers."""
+# For numpy, whose matrices are small here, before it is loaded: a process of one thread may fork its workers.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class Engine(StrEnum):
@@ -136,7 +136,6 @@ def augment(
 
     Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
     """
-    os.environ.setdefault(*ONE_THREAD)
     from rpaug.core import devices, remote
     from rpaug.pipeline import cluster, inputs
     from rpaug.pipeline import workers as local
