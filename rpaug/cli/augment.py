@@ -1,6 +1,7 @@
 """`rpaug augment`: write edited copies of a dataset."""
 
 import json
+import os
 from contextlib import nullcontext
 from dataclasses import replace
 from enum import StrEnum
@@ -29,6 +30,9 @@ from rpaug.cli.console import (
 from rpaug.cli.dry_run import print_plans
 from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
+
+# For numpy, whose matrices are small here, before it is loaded: a process of one thread may fork its workers.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class Engine(StrEnum):

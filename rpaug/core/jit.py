@@ -14,6 +14,7 @@ from typing import Any
 
 import numba
 from numba.core import caching
+from numba.core.registry import cpu_target
 
 from rpaug.core import cache
 
@@ -23,6 +24,12 @@ _config: Any = numba.config  # its names are made when it is loaded
 def cache_folder() -> Path:
     """Where compiled kernels are kept, in `kernels`: `NUMBA_CACHE_DIR` if set, else the cache."""
     return Path(_config.CACHE_DIR or cache.root())
+
+
+def prime() -> None:
+    """Load what numba takes for its first kernel, a sixth of a second, so that children that are forked have it."""
+    cpu_target.typing_context.refresh()
+    cpu_target.target_context.refresh()
 
 
 @functools.cache

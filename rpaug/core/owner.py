@@ -21,6 +21,8 @@ from typing import Any
 
 from rpaug.core.errors import BadInput
 
+_locks: set[int] = set()  # descriptors of what this process owns
+
 
 @contextmanager
 def owned(target: Path) -> Iterator[bool]:
@@ -33,9 +35,11 @@ def owned(target: Path) -> Iterator[bool]:
     missing = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, held = _held(path, target)
+    _locks.add(descriptor)
     try:
         yield held
     finally:
+        _locks.discard(descriptor)
         path.unlink(missing_ok=True)
         os.close(descriptor)
         for folder in missing:  # innermost first
@@ -90,10 +94,13 @@ def _user() -> str:
 
 
 def child(module: str, function: str, *given: Any) -> None:
-    """What a fresh process runs: a module's function, and the end of it all as soon as the parent is gone, also while
-    the module still loads. That takes a second, or many where there is other work."""
+    """What a process of a run does: a module's function, and the end of it all as soon as the parent is gone, also
+    while the module still loads. That takes a second, or many where there is other work. What the parent owns a forked
+    one lets go."""
     parent = parent_process()
     assert parent is not None
+    while _locks:
+        os.close(_locks.pop())
 
     def end() -> None:
         parent.join()

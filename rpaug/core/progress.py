@@ -45,6 +45,11 @@ def heard(listen: Callable[[Told], None]) -> Iterator[None]:
         LOG.setLevel(level)
 
 
+def deafen() -> None:
+    """Forget who listens: a forked worker has its parent's listeners, which are that one's alone."""
+    LOG.handlers.clear()
+
+
 def seldom(listen: Callable[[Told], None]) -> Callable[[Told], None]:
     """Listens as `listen` does, but to a stage that goes on only a few times a second: frames are many."""
     last: tuple[Any, float] = None, 0.0

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from rpaug.core.errors import RpaugError
 
@@ -15,6 +16,7 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 CLONE = 0x40049409  # FICLONE of linux/fs.h: two files share their blocks until one is written to
+CHUNK = 1 << 18  # bytes that are copied at once
 NO_CLONES = {errno.EOPNOTSUPP, errno.EXDEV, errno.EINVAL, errno.ENOTTY, errno.ENOSYS, errno.EPERM}
 
 _linked = False  # whether `pass_on` makes links in this process: adapters call it from threads
@@ -39,8 +41,9 @@ def pass_on(source: Path | str, target: Path | str) -> None:
     """
     if _linked and _link(source, target):
         return
-    if not _cloned(source, target):
-        shutil.copyfile(source, target)
+    with open(source, "rb", buffering=0) as recorded, open(target, "wb") as made:
+        if not _cloned(recorded, made):
+            shutil.copyfileobj(recorded, made, CHUNK)
 
 
 def _link(source: Path | str, target: Path | str) -> bool:
@@ -56,14 +59,13 @@ def _link(source: Path | str, target: Path | str) -> bool:
     return True
 
 
-def _cloned(source: Path | str, target: Path | str) -> bool:
+def _cloned(recorded: IO[bytes], made: IO[bytes]) -> bool:
     if fcntl is None:
         return False
-    with open(source, "rb") as recorded, open(target, "wb") as made:
-        try:
-            fcntl.ioctl(made, CLONE, recorded.fileno())
-        except OSError as error:
-            if error.errno in NO_CLONES:
-                return False
-            raise
+    try:
+        fcntl.ioctl(made, CLONE, recorded.fileno())
+    except OSError as error:
+        if error.errno in NO_CLONES:
+            return False
+        raise
     return True

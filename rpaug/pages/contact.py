@@ -3,7 +3,8 @@ for each run of twenty-four, so that all can be seen."""
 
 import html
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -53,7 +54,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
                 break
         else:
             break  # all that there are
-    parts = [_section(adapter, source, target, key, picked[key]) for key in keys if key in picked]
+    read = _recorded(adapter, source)
+    parts = [_section(adapter, read, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
         f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>{_where_others_are(keys, picked)}"
@@ -82,7 +84,7 @@ def page(adapter: Adapter, source: Path, target: Path, number: int) -> tuple[byt
     most, first = _pages(keys), (number - 1) * ON_A_PAGE
     if not 1 <= number <= most:
         raise BadInput(target, "--page", found=number, expected=f"a page from 1 to {most}")
-    parts = []
+    read, parts = _recorded(adapter, source), []
     for key in keys[first : first + ON_A_PAGE]:
         one = report.of(target / key)
         if one is None or not one["synthetic"]:
@@ -90,7 +92,7 @@ def page(adapter: Adapter, source: Path, target: Path, number: int) -> tuple[byt
                 f"<h2>{html.escape(key)}</h2><p class=soft>recorded, nothing was edited</p>"
             )
         else:
-            parts.append(_section(adapter, source, target, key, one))
+            parts.append(_section(adapter, read, target, key, one))
     last = first + len(parts)
     title = f"Episodes {first + 1} to {last} of {len(keys)}"
     body = f"<h1>{title}</h1><p class=soft>Page {number} of {most}.</p>{LEGEND}{''.join(parts)}"
@@ -127,10 +129,19 @@ def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
     return [*found, ("pixels changed", shares)] if shares else found
 
 
+def _recorded(adapter: Adapter, source: Path) -> Callable[[str], Episode]:
+    """Reads a recorded episode; the last one is kept, since its copies lie side by side."""
+    return lru_cache(1)(lambda key: adapter.read(source, key))
+
+
 def _section(
-    adapter: Adapter, source: Path, target: Path, key: str, described: dict[str, Any]
+    adapter: Adapter,
+    recorded: Callable[[str], Episode],
+    target: Path,
+    key: str,
+    described: dict[str, Any],
 ) -> str:
-    before, after = adapter.read(source, described["source"]), adapter.read(target, key)
+    before, after = recorded(described["source"]), adapter.read(target, key)
     frames = key_frames(before)
     figures = [
         figure(

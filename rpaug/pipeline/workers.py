@@ -1,17 +1,19 @@
-"""Runs jobs on this machine: in this process, or on fresh ones with one thread each, each within its budget."""
+"""Runs jobs on this machine: in this process, or in others with one thread each, each within its budget."""
 
 import errno
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path, PurePosixPath
 
-from rpaug.core import owner, progress
+from rpaug.core import jit, owner, progress
 from rpaug.core.errors import Missing, RpaugError, of_the_machine
 from rpaug.pipeline.job import Job, augment, left
 from rpaug.pipeline.output_folder import sweep
@@ -27,6 +29,7 @@ FORBIDDEN = {errno.EACCES, errno.EPERM}  # of an output, for any episode
 DIED = "a worker died (out of memory?); fewer workers need less"
 LOOK = 0.2  # seconds between two looks at what workers take
 SHARE = 0.9  # of the machine's memory, for all workers
+THREADS = Path("/proc/self/task")
 OWN_GROUPS = Path("/proc/self/cgroup")
 GROUPS = {
     "": (Path("/sys/fs/cgroup"), "memory.max"),
@@ -136,11 +139,10 @@ def _limits() -> Iterator[Path]:
 
 
 class WorkerProcess:
-    """A fresh process that does jobs, one at a time."""
+    """A process of its own that does jobs, one at a time."""
 
     def __init__(self) -> None:
-        # spawn: a forked child would inherit the parent's thread pools in whatever state they are
-        context = get_context("spawn")
+        context = _context()
         self.connection, theirs = context.Pipe()
         self.process = context.Process(
             target=owner.child, args=(_serve.__module__, _serve.__name__, theirs)
@@ -191,6 +193,19 @@ class WorkerProcess:
         self.process.kill()
         self.process.join()
         self.connection.close()
+
+
+def _context() -> ForkContext | SpawnContext:
+    """How a worker begins. A forked one has what is imported here, which saves it a second; of a process with threads
+    or a GPU's driver it would inherit these in whatever state they are."""
+    try:
+        alone = len(os.listdir(THREADS)) == 1
+    except OSError:  # not Linux
+        alone = False
+    if not alone or "torch" in sys.modules:
+        return get_context("spawn")
+    jit.prime()
+    return get_context("fork")
 
 
 def _resident(pid: int | None) -> float:
@@ -250,6 +265,7 @@ def _keep_busy(pool: list[WorkerProcess], todo: Iterator[Job], workers: int) -> 
 
 def _serve(connection: Connection) -> None:
     """Jobs as they come."""
+    progress.deafen()
     with progress.heard(progress.seldom(connection.send)):
         while True:
             connection.send(attempt(connection.recv()))

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug.core import memo
-from rpaug.core.jit import kernel
+from rpaug.core.jit import inlined, kernel
 from rpaug.core.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
@@ -118,30 +118,40 @@ def lift(depth, ids, K, pose, points, normals):
     for r in range(height):
         for c in range(width):
             z = depth[r, c]
-            local = np.array([(c - K[0, 2]) / K[0, 0] * z, (r - K[1, 2]) / K[1, 1] * z, z])
+            x, y = (c - K[0, 2]) / K[0, 0] * z, (r - K[1, 2]) / K[1, 1] * z
             for i in range(3):
-                points[r, c, i] = pose[i, 3] + (
-                    pose[i, 0] * local[0] + pose[i, 1] * local[1] + pose[i, 2] * local[2]
-                )
+                points[r, c, i] = pose[i, 3] + (pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z)
     step = np.zeros((2, 3))
     for r in range(height):
         for c in range(width):
-            found = 0
-            for axis in range(2):
-                best = np.inf
-                for side in (-1, 1):
-                    row, column = (r, c + side) if axis == 0 else (r + side, c)
-                    if row < 0 or row >= height or column < 0 or column >= width:
-                        continue
-                    gap = abs(depth[row, column] - depth[r, c])
-                    if ids[row, column] == ids[r, c] and depth[row, column] > 0 and gap < best:
-                        best = gap
-                        for i in range(3):
-                            step[axis, i] = side * (points[row, column, i] - points[r, c, i])
-                found += best < np.inf
-            if found == 2 and depth[r, c] > 0:
-                n = np.cross(step[1], step[0])
-                length = np.sqrt((n**2).sum())
+            if not depth[r, c] > 0:
+                continue
+            if _steps(depth, ids, points, r, c, step):
+                n0 = step[1, 1] * step[0, 2] - step[1, 2] * step[0, 1]
+                n1 = step[1, 2] * step[0, 0] - step[1, 0] * step[0, 2]
+                n2 = step[1, 0] * step[0, 1] - step[1, 1] * step[0, 0]
+                length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
                 if length > 0:
-                    for i in range(3):
-                        normals[r, c, i] = n[i] / length
+                    normals[r, c, 0] = n0 / length
+                    normals[r, c, 1] = n1 / length
+                    normals[r, c, 2] = n2 / length
+
+
+@inlined
+def _steps(depth, ids, points, r, c, step):
+    """Fill from a pixel's point those to the nearer neighbours of its instance, across and down, if it has both."""
+    height, width = depth.shape
+    found = 0
+    for axis in range(2):
+        best = np.inf
+        for side in (-1, 1):
+            row, column = (r, c + side) if axis == 0 else (r + side, c)
+            if row < 0 or row >= height or column < 0 or column >= width:
+                continue
+            gap = abs(depth[row, column] - depth[r, c])
+            if ids[row, column] == ids[r, c] and depth[row, column] > 0 and gap < best:
+                best = gap
+                for i in range(3):
+                    step[axis, i] = side * (points[row, column, i] - points[r, c, i])
+        found += best < np.inf
+    return found == 2

@@ -70,3 +70,26 @@ def test_folders_that_were_made_for_the_lock_alone_are_gone(tmp_path: Path) -> N
     with owned(tmp_path / "a" / "b" / "out"):
         (tmp_path / "a" / "kept").write_text("")
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["kept"]
+
+
+BEGINS = """
+import os, sys, time
+from multiprocessing import get_context
+from pathlib import Path
+from rpaug.core import owner
+with owner.owned(Path(sys.argv[1])):
+    child = get_context("fork").Process(target=owner.child, args=("time", "sleep", 600))
+    child.start()
+    ends, open_there = time.monotonic() + 10, [".lock"]
+    while open_there and time.monotonic() < ends:
+        links = [f"/proc/{child.pid}/fd/{one}" for one in os.listdir(f"/proc/{child.pid}/fd")]
+        open_there = [one for one in map(os.readlink, filter(os.path.lexists, links)) if one.endswith(".lock")]
+    print(child.is_alive(), open_there)
+    child.kill()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="looks for open files in /proc")
+def test_a_forked_child_holds_nothing_of_what_its_parent_owns(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", BEGINS, str(tmp_path / "out")]
+    assert subprocess.run(command, capture_output=True, text=True).stdout == "True []\n"

@@ -2,6 +2,7 @@
 
 import os
 import time
+from multiprocessing import current_process
 from multiprocessing.connection import Connection
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +19,7 @@ def job(key: str, target: Any) -> Any:
 
 def serve(connection: Connection) -> None:
     """`dies` ends its process, `dies once` the first time, `grows` takes memory, `hangs` time, `full` has no space.
-    `threads` tells as its error how many its libraries start."""
+    `threads` tells as its error how many its libraries start, `kind` how it was begun itself."""
     while True:
         given = connection.recv()
         connection.send({"key": given.key, "stage": "has begun", "done": 0, "total": 0})
@@ -34,5 +35,7 @@ def serve(connection: Connection) -> None:
         error = "No space left" if full else None
         if given.key == "threads":
             error = " ".join(os.environ.get(name, "unset") for name in THREAD_VARIABLES)
+        if given.key == "kind":
+            error = type(current_process()).__name__
         connection.send(Outcome(given, 0, error, fatal=full))
         del held

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from analytic import EYES, scene
 
+from rpaug.core.types import Episode
 from rpaug.pages import contact
 from rpaug.pipeline import report
 
@@ -35,6 +36,30 @@ def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
     assert shown[0] == 1
     assert max(b - a for a, b in pairwise(shown)) < 14  # over the whole
     assert len(read) < 20
+
+
+def test_a_recorded_episode_is_read_once_for_its_copies(tmp_path: Path) -> None:
+    keys = [f"episode{number}" for number in range(6)]
+    for number, key in enumerate(keys):
+        described = {"synthetic": True, "source": f"episode{number // 3}", "copy": number % 3 + 1}
+        (tmp_path / key).mkdir()
+        described |= {"changed_share": {}, "draws": []}
+        (tmp_path / key / report.NAME).write_text(json.dumps(described))
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
+    recorded, read = scene(EYES, length=2).episode, list[str]()
+    robot = replace(recorded.robot, joint_velocities=np.ones((2, 7)))
+    recorded = replace(recorded, robot=robot, descriptions=("roll it",))
+    source = tmp_path / "source"
+
+    def take(root: Path, key: str) -> Episode:
+        if root == source:
+            read.append(key)
+        return recorded
+
+    held = SimpleNamespace(episodes=lambda _: keys, read=take)
+    page = contact.write(held, source, tmp_path).read_text()  # type: ignore[arg-type]
+    assert all(f"copy {1 + number % 3} of episode{number // 3}" in page for number in range(6))
+    assert read == ["episode0", "episode1"]
 
 
 EVIL = "<script>alert(1)</script>"

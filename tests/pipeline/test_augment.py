@@ -334,7 +334,9 @@ def workers_of(pid: int) -> list[int]:
     """The processes of a run's pool."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [
-        int(one) for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()
+        int(one)
+        for one in children
+        if b"resource_tracker" not in Path(f"/proc/{one}/cmdline").read_bytes()
     ]
 
 

@@ -123,6 +123,40 @@ def test_one_of_several_workers_has_one_thread(
     assert os.environ["OMP_NUM_THREADS"] == "8"
 
 
+BEGINS = """
+import os, sys, threading
+from multiprocessing import current_process
+from rpaug.core import progress
+from rpaug.pipeline import workers
+sys.path.insert(0, sys.argv[1])
+import played_jobs
+parent = os.getpid()
+
+def kind(job):
+    progress.told(job.key, "at work")
+    return workers.Outcome(job, 0, type(current_process()).__name__)
+
+workers.attempt = kind  # of children that are forked
+if sys.argv[2] == "threads":
+    workers._serve = played_jobs.serve
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+with progress.heard(lambda told: print("heard", os.getpid() == parent, flush=True)):
+    for done in workers.run([played_jobs.job("kind", ".")], 1, workers.Budget()):
+        print(done.error)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted in /proc")
+@pytest.mark.parametrize(("given", "kind"), [("none", "ForkProcess"), ("threads", "SpawnProcess")])
+def test_a_process_of_one_thread_is_forked_and_its_worker_tells_it_alone(
+    given: str, kind: str
+) -> None:
+    command = [sys.executable, "-c", BEGINS, str(Path(played_jobs.__file__).parent), given]
+    env = os.environ | {"OMP_NUM_THREADS": "1"}
+    ran = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines() == ["heard True", kind]
+
+
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 def test_a_worker_that_still_loads_ends_with_the_run(tmp_path: Path) -> None:
     """Its module takes a minute to load; what began it is killed meanwhile."""

@@ -78,10 +78,9 @@ def descendants(pid: int) -> list[int]:
 def works(pid: int, parent: bytes = b"") -> bool:
     """Whether a process does jobs of a run; on Ray its parent's command holds `parent`."""
     with suppress(OSError, IndexError):
-        if b"spawn_main" not in Path(f"/proc/{pid}/cmdline").read_bytes():
-            return False
         stat = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return parent in Path(f"/proc/{stat[1]}/cmdline").read_bytes()
+        line, above = (Path(f"/proc/{one}/cmdline").read_bytes() for one in (pid, stat[1]))
+        return (b"spawn_main" in line or line == above) and parent in above  # forked: alike
     return False
 
 
