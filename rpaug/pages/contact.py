@@ -152,10 +152,10 @@ def _section(
         )
         for name, image in sheet(before, after, frames).items()
     ]
-    recorded = {int(one): word for one, word in described.get("repainted", {}).items()}
+    repainted = {int(one): word for one, word in described.get("repainted", {}).items()}
     words = "".join(
         f"<li><span class=soft>{html.escape(op)}</span> {html.escape(what)}"
-        for op, what in told.draws(described["draws"], recorded)
+        for op, what in told.draws(described["draws"], repainted)
     )
     drawn = json.dumps(described["draws"], indent=1)
     return (
