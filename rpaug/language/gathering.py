@@ -58,7 +58,12 @@ def take(found: Meant, share: float | None, state: WishState, read: list[Token])
     kept = len(state.fresh)
     for k in found.replaces:
         state.fresh = [one for one in state.fresh if one is not state.edits[k]]
-        state.edits[k] = found.edits[0]
+        chance = {} if share is None else {"probability": share}
+        state.edits[k] = {**found.edits[0], **chance}
+    if share is not None and len(found.edits) > 1:
+        state.notes.append(
+            f"{said(read)!r}: each is drawn by itself, so copies have one, both or none"
+        )
     for edit in () if found.replaces else found.edits:
         edit = {**edit, "probability": share} if share is not None else edit
         if not _merged(edit, state):

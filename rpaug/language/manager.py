@@ -23,6 +23,10 @@ BREAKS = group("manager_breaks") | {","}
 PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
 ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
 ORDERS = group("manager_orders")
+APART = re.compile(
+    r"\b(?:never|not|no) (?:both|together|in the same cop\w+|at (?:once|the same time))\b"
+)
+"""Edits that are to exclude each other, which one draw of several does and two draws do not."""
 MOST_CLAUSES, MOST_UNDONE = 30, 8
 
 
@@ -75,6 +79,10 @@ def _answer(
         state = _state(wish, read, recording, bool(found), notes)
         state.namer.kept = kept  # everything, but what is kept
         _run(read, state, nouns)
+    if (apart := APART.search(" ".join(words))) and not any("one_of" in one for one in state.edits):
+        raise NotUnderstood(
+            f"{apart[0]!r}: edits that exclude each other are said as one choice, for one: 'the cup either red or blue'"
+        )
     rest.respected(state.kept, state.fresh, state.namer, wish.setting.cameras, state.notes)
     if state.kept and not state.fresh:
         state.edits, state.did = rest.spared(state.kept, state.edits, state.namer, state.notes)

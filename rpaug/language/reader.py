@@ -190,7 +190,7 @@ def _trailing(
 def _instead(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant | None:
     """What a clause asks for whose end says how it is now: "a wooden table instead of the white one"."""
     at = next((k for k, one in enumerate(read) if one.text in ("instead of", "rather than")), 0)
-    if not at:
+    if not at or any(one.kind in ("not", "keep") for one in read[at + 1 :]):
         return None
     with contextlib.suppress(RpaugError):
         found = _meant(_bare(read[:at]), state, nouns)

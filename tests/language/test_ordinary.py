@@ -218,3 +218,42 @@ def test_each_look_that_is_named_gets_the_same_share() -> None:
     shares = {one.get("texture", one.get("color")): one["weight"] for one in edit["one_of"]}
     assert shares.pop("white") == 1
     assert sum(shares.values()) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("wish", "why"),
+    [
+        (
+            "make the red can blue and shake the front camera, never both in the same copy",
+            "exclude",
+        ),
+        ("wooden table and different light, never together", "exclude"),
+        (
+            "the can blue instead of red, but pls not the gray/black parts at the rim",
+            "not the gray",
+        ),
+    ],
+)
+def test_what_is_to_exclude_or_to_be_left_is_no_filler(wish: str, why: str) -> None:
+    with pytest.raises(NotUnderstood, match=why):
+        edits(wish)
+
+
+def test_a_choice_excludes_as_it_is() -> None:
+    (one,) = edits("the red can either green or blue, never both at once")
+    assert [option["color"] for option in one["one_of"]] == ["green", "blue"]
+
+
+def test_a_share_holds_for_what_takes_an_edits_place() -> None:
+    before = said_after("make the lights warmer", (), SETTING)
+    (now,) = said_after(
+        "stronger in half of the copies", ("make the lights warmer",), SETTING
+    ).edits
+    assert now["probability"] == 0.5
+    assert now["range"] != before.edits[0]["range"]
+
+
+def test_one_share_of_two_edits_says_how_they_are_drawn() -> None:
+    answer = said_after("remove the red can and the blue can in 25% of the copies", (), SETTING)
+    assert [one["probability"] for one in answer.edits] == [0.25, 0.25]
+    assert any("drawn by itself" in note for note in answer.notes)

@@ -16,7 +16,7 @@ from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.memo import bare, once
 from rpaug.core.types import Body, CameraView, Scene
 from rpaug.scene.placement import free_space_rgb, swept
-from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of
+from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of, disc
 
 STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
@@ -59,8 +59,27 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     nothing = np.full(shape, np.inf, np.float32)
     empty = FreeSpace(low, level, showing, nothing, nothing)
     gone = leaving | support
+    empty = replace(empty, seen=showing | _beneath(empty, scene, leaving))
     standing = _standing(empty, scene, gone)
     return replace(standing, swept=swept.lowest(standing, scene, gone))
+
+
+def _beneath(room: FreeSpace, scene: Scene, leaving: frozenset[int]) -> Bool[np.ndarray, "r c"]:
+    """Support that nobody sees since things that leave stand on it: cells that they cover and that it surrounds."""
+    found = np.zeros(room.seen.shape, bool)
+    for points in points_by_instance_id(scene, leaving).values():
+        if len(points) < 4:
+            continue
+        outline = hull(points)
+        covered = room.covered(outline)
+        size = disc(float(np.ptp(outline, axis=0).max()))
+        rim = len(size)
+        around = cv2.copyMakeBorder(
+            (room.seen | found).astype(np.uint8), *(rim,) * 4, cv2.BORDER_CONSTANT, value=0
+        )
+        closed = cv2.morphologyEx(around, cv2.MORPH_CLOSE, size)[rim:-rim, rim:-rim]
+        found |= covered & (closed > 0)
+    return found
 
 
 def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:

@@ -79,6 +79,17 @@ def test_nothing_that_moves_was_ever_seen_below_its_way() -> None:
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("name", ["block_textured", "block_small", "cylinder"])
+def test_a_thing_that_leaves_stands_on_support_that_nobody_saw(name: str) -> None:
+    """Else it could not be moved by less than its own width; what it does not cover stays unseen."""
+    one = frozenset([instance_id(name)])
+    stays, leaves = placing.find_free_space(scene()), placing.find_free_space(scene(), one)
+    covered = stays.covered(placing.hull(placing.points_of(scene(), one)))
+    assert stays.seen[covered].mean() < 0.3
+    assert leaves.seen[covered].all()
+    np.testing.assert_array_equal(leaves.seen[~covered], stays.seen[~covered])
+
+
 def test_places_beside_the_arm_are_free_where_a_camera_shows_it() -> None:
     room = placing.find_free_space(scene())
     path = zones.low_path(scene(), room.level)
