@@ -22,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zlib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -131,7 +132,10 @@ class ThrownAway:
     def fails(self, bugs: Sequence[PlantedBug], tests: Sequence[str], *asked: str) -> list[str]:
         """The tests that fail with these bugs, one of which may be that they have no end."""
         for bug in bugs:
-            (self.copy / bug.file).write_text(bug.planted(self.copy))
+            text = bug.planted(self.copy)
+            (self.copy / bug.file).write_text(text)
+            changed = zlib.crc32(text.encode()) >> 1  # kept bytecode goes by size and this second
+            os.utime(self.copy / bug.file, (changed, changed))
         code, said = self._run([*asked, *tests], self._environment(bugs))
         for bug in bugs:
             shutil.copy2(self.root / bug.file, self.copy / bug.file)

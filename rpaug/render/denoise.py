@@ -14,7 +14,7 @@ RADIUS = 2  # pixels: 5 x 5 neighbours
 OUTLIER = 6.0  # standard deviations: a neighbour farther off is another surface
 FEWEST = 6  # neighbours for a plane
 STEP = 0.03  # of depth: what differs more is an edge
-EQUAL = 0.5  # of neighbours have the same depth where it comes in steps
+EQUAL = 0.4  # of neighbours have the same depth where it comes in steps
 SOME = 0.02  # of them differ by a step
 ALIKE = 0.2  # of a step's size: by so little steps differ
 ALONE = (
@@ -44,24 +44,26 @@ def noise(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> f
 def steps(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> float:
     """Deviation, as a share of depth, of depth that comes in steps which pixels share, 0 where it does not.
 
-    Along rows within a thing most pixels then have their neighbour's very value, and where not, 1/z or z differs by one
-    step: the same everywhere. Surfaces that face the camera have equal values too, but no such steps.
+    Within a thing most pixels then have their neighbours' very value, and where not, 1/z or z differs by one step: along
+    rows and columns the same. A level camera sees rows of equal depth on a table, but no such columns.
     """
-    near = _nearness(depth)
-    left, right = near[:, :-1], near[:, 1:]
-    both = (ids[:, :-1] == ids[:, 1:]) & (left > 0) & (right > 0)
-    share = np.abs(right - left)[both] / np.maximum(left, right)[both]
-    if share.size < 100:
-        return 0.0
-    step = share[(share > 0) & (share < STEP)]
-    if (share == 0).mean() < EQUAL or len(step) < SOME * share.size:
-        return 0.0
-    here = np.maximum(left, right)[both][(share > 0) & (share < STEP)]
-    for unit in (step * here, step / here):  # in 1/z, in z
-        low, middle, high = np.quantile(unit, (0.25, 0.5, 0.75))
-        if high - low < ALIKE * middle:
-            return float(np.median(step) / np.sqrt(12.0))
-    return 0.0
+    near, found = _nearness(depth), [list[float](), list[float]()]
+    for one, other in (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]):
+        both = (ids[one] == ids[other]) & (near[one] > 0) & (near[other] > 0)
+        if both.sum() < 100:
+            return 0.0
+        larger = np.maximum(near[one], near[other])[both]
+        share = np.abs(near[one] - near[other])[both] / larger
+        step = (share > 0) & (share < STEP)
+        if (share == 0).mean() < EQUAL or step.mean() < SOME:
+            return 0.0
+        for kind, unit in zip(found, (share * larger, share / larger), strict=True):  # 1/z, z
+            low, middle, high = np.quantile(unit[step], (0.25, 0.5, 0.75))
+            if high - low < ALIKE * middle:
+                kind.append(float(middle))
+        middle_share = float(np.median(share[step]))
+    same = any(len(kind) == 2 and max(kind) < (1 + ALIKE) * min(kind) for kind in found)
+    return middle_share / np.sqrt(12.0) if same else 0.0
 
 
 def smooth(

@@ -29,7 +29,7 @@ def test_things_that_could_not_be_had_are_counted_of_those_asked_for(
         found.add(f"episode{number}", None, {WORDS: [missed, asked]})
     summary = Summary(fell_short=list(found.fell_short()))
     missed, asked = (sum(one[k] for one in copies) for k in (0, 1))
-    sentence = f"distractors: {missed} of {asked} things {WORDS}"
+    sentence = f"distractors: {missed} of {asked} {WORDS}"
     assert summary.shortfalls == ([sentence] if missed else [])
 
 

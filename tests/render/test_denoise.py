@@ -97,6 +97,12 @@ def test_depth_in_steps_is_told_from_depth_that_is_smooth(unit) -> None:
 def test_a_table_seen_from_above_has_no_steps() -> None:
     ids = np.ones(SHAPE, np.int32)
     depth = np.full(SHAPE, 1.0, np.float32)
-    ball = (ROWS - 20) ** 2 + (COLUMNS - 24) ** 2 < 144
-    depth[ball] -= 0.002 * np.sqrt(144 - (ROWS - 20) ** 2 - (COLUMNS - 24) ** 2, where=ball)[ball]
+    rise = np.sqrt(np.maximum(144 - (ROWS - 20) ** 2 - (COLUMNS - 24) ** 2, 0))
+    depth -= (0.002 * rise).astype(np.float32)
+    assert denoise.steps(depth, ids) == 0
+
+
+def test_a_level_camera_sees_rows_of_equal_depth_and_no_steps() -> None:
+    depth, ids = plane(0.8, 0.0, 0.004), np.zeros(SHAPE, np.int32)
+    depth[:, 30:] *= 0.99  # and one step along each row
     assert denoise.steps(depth, ids) == 0

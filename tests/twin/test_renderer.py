@@ -186,7 +186,7 @@ def test_missing_driver_names_the_packages(tmp_path):
 @pytest.mark.parametrize(
     "triton",
     [
-        "import sys\nassert not {'OpenGL', 'mujoco.egl'} & {*sys.modules}, 'after Mesa'",
+        "assert 'libLLVM' not in open('/proc/self/maps').read(), 'after Mesa'",
         "raise ImportError('a broken install')",
     ],
     ids=["whole", "broken"],
