@@ -44,8 +44,8 @@ def noise(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> f
 def steps(depth: Float32[np.ndarray, "h w"], ids: Int32[np.ndarray, "h w"]) -> float:
     """Deviation, as a share of depth, of depth that comes in steps which pixels share, 0 where it does not.
 
-    Within a thing most pixels then have their neighbours' very value, and where not, 1/z or z differs by one step: along
-    rows and columns the same. A level camera sees rows of equal depth on a table, but no such columns.
+    Within a thing most pixels then have their neighbours' very value, and where not, 1/z or z differs by one step,
+    along rows and columns the same. A level camera sees rows of equal depth on a table, but no such columns.
     """
     near, found = _nearness(depth), [list[float](), list[float]()]
     for one, other in (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]):
