@@ -21,6 +21,7 @@ from rpaug.render import denoise
 from rpaug.scene.recorded import pooled
 
 SAMPLED = 3  # frames that tell how noisy a camera is
+MIDDLE = 512  # pixels a side of a large image tell it
 KEPT = 64  # frames
 REACH = 0.12  # of the image's width: holes farther from what is known stay holes
 ROUNDS = 2  # of smoothing: half of the noise stays in all frames, and neighbours share it
@@ -51,9 +52,14 @@ def noise(episode: Episode, name: str) -> float:
     frames = sampling.frames(episode.length, SAMPLED)
     found = list[float]()
     for t in frames:
-        depth, ids = view.depth(t), _ids(view, t)
+        depth, ids = _middle(view.depth(t)), _middle(_ids(view, t))
         found.append(max(denoise.noise(depth, ids), denoise.steps(depth, ids)))
     return float(np.median(found))
+
+
+def _middle(image: np.ndarray) -> np.ndarray:
+    row, column = (max(0, (side - MIDDLE) // 2) for side in image.shape)
+    return image[row : row + MIDDLE, column : column + MIDDLE]
 
 
 def told(episode: Episode) -> tuple[str, ...]:
