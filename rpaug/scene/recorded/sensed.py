@@ -65,8 +65,8 @@ def _middle(image: np.ndarray) -> np.ndarray:
 def told(episode: Episode) -> tuple[str, ...]:
     """What was repaired, in sentences."""
     return tuple(
-        f"{name}: its depth is a sensor's, {1000 * s.noise:.1f} mm of noise; {s.missing:.1%} was missing, of which "
-        f"{s.unknown:.1%} stays unknown; what was filled may be off by {1000 * s.spread:.0f} mm"
+        f"{name}: its depth is a sensor's, {1000 * s.noise:.1f} mm of noise; {s.missing:.1%} of its pixels "
+        f"were missing, {s.unknown:.1%} still are; what was filled may be off by {1000 * s.spread:.0f} mm"
         for name, view in episode.views.items()
         if (s := view.sensed)
     )
