@@ -7,7 +7,7 @@ they are and averages the noise away. Rendered depth has none, and is never touc
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
 
-from rpaug.core.jit import kernel
+from rpaug.core.jit import inlined, kernel
 
 NOISY = 4e-4  # of depth: rendered depth, also when stored as 16 bits of millimetres, has less
 RADIUS = 2  # pixels: 5 x 5 neighbours
@@ -107,15 +107,21 @@ def _smooth(near, ids, level):
                         sw += off
                         sxw += x * off
                         syw += y * off
-            # Normal equations of off = a + b x + c y, by Cramer's rule; a alone is wanted.
-            minor = sxx * syy - sxy * sxy
-            whole = n * minor - sx * (sx * syy - sxy * sy) + sy * (sx * sxy - sxx * sy)
-            if n >= FEWEST and whole > 1e-6:
-                top = sw * minor - sx * (sxw * syy - sxy * syw) + sy * (sxw * sxy - sxx * syw)
-                out[row, column] = max(here + top / whole, 1e-3 * here)
+            told = _at_middle(n, sx, sy, sxx, sxy, syy, sw, sxw, syw) if n >= FEWEST else np.nan
+            if not np.isnan(told):
+                out[row, column] = max(here + told, 1e-3 * here)
             elif n > 0:
                 out[row, column] = here + sw / n
     return out
+
+
+@inlined
+def _at_middle(n, sx, sy, sxx, sxy, syy, sw, sxw, syw):
+    """What off = a + b x + c y is at x = y = 0, nan where its sums tell no plane: a by Cramer's rule."""
+    minor = sxx * syy - sxy * sxy
+    whole = n * minor - sx * (sx * syy - sxy * sy) + sy * (sx * sxy - sxx * sy)
+    top = sw * minor - sx * (sxw * syy - sxy * syw) + sy * (sxw * sxy - sxx * syw)
+    return top / whole if whole > 1e-6 else np.nan
 
 
 def grounded(
@@ -205,12 +211,9 @@ def _fill(near, ids, radius, inner, few, out):
                         syw += y * off
             if n < few:
                 continue
-            minor = sxx * syy - sxy * sxy
-            whole = n * minor - sx * (sx * syy - sxy * sy) + sy * (sx * sxy - sxx * sy)
-            told = sw / n
-            if whole > 1e-6:
-                part = sw * minor - sx * (sxw * syy - sxy * syw) + sy * (sxw * sxy - sxx * syw)
-                told = part / whole
+            told = _at_middle(n, sx, sy, sxx, sxy, syy, sw, sxw, syw)
+            if np.isnan(told):
+                told = sw / n
             room = min(most, middle) - least
             out[row, column] = least + min(max(told, -room), 2 * room)
 

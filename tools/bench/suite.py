@@ -26,6 +26,7 @@ from tools.bench.harness import pages
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "tools.bench.suite"
 LISTENS = "RPAUG_SUITE_SECONDS"  # the folder that each of pytest's processes writes its times into
+ADDED = "PYTEST_ADDOPTS"
 MOST = 12 * 60  # processor seconds of `make test`
 WHOLE, START = "make test", "starting"
 TOPIC = "suite"
@@ -71,6 +72,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """Called by pytest, of which this module is a plugin then."""
     if LISTENS in os.environ:
         config.pluginmanager.register(TestTimes(Path(os.environ[LISTENS])))
+        if "PYTEST_XDIST_WORKER" in os.environ or not config.getoption("numprocesses", None):
+            for name in (LISTENS, ADDED):  # tests run here, and may run pytest themselves
+                os.environ.pop(name, None)
 
 
 def part(command: Sequence[str], **variables: str) -> float:
@@ -84,7 +88,7 @@ def tested(command: Sequence[str]) -> tuple[float, dict[str, float]]:
     """Processor seconds of a command that runs pytest, and of each test."""
     tests: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
-        seconds = part(command, **{LISTENS: folder, "PYTEST_ADDOPTS": f"-p {MODULE}"})
+        seconds = part(command, **{LISTENS: folder, ADDED: f"-p {MODULE}"})
         for path in Path(folder).glob("*.json"):
             tests |= json.loads(path.read_text())
     return seconds, tests

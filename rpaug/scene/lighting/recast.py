@@ -90,7 +90,7 @@ class Recast:
         if self.relit.now != self.relit.recorded or self.relit.softness:
             lit = same & ~np.isin(ids, self.relit.unlit)
             rows = np.flatnonzero(lit)
-            out[lit] = self._given(depth, ids, view.camera, t, rows, self._unseen(name, t, rows))
+            out[lit] = self._given(depth, ids, view.camera, t, rows, self._unseen(name, t)[:, rows])
         out[~same] = self._given(depth, ids, view.camera, t, np.flatnonzero(~same))
         return out
 
@@ -170,7 +170,7 @@ class Recast:
     ) -> None:
         """Correct which lamps reach recorded pixels, where their own light tells it."""
         if self.relit.now != self.relit.recorded:
-            for one, stays in zip(reached, self._unseen(name, t, rows), strict=True):
+            for one, stays in zip(reached, self._unseen(name, t)[:, rows], strict=True):
                 one[rows[stays]] = 0
         elif not self.relit.softness:
             share = self._standing(name, t).reshape(-1)[rows]
@@ -237,19 +237,29 @@ class Recast:
         known = (shown > 0) & ~np.isin(shown, self._put_in)
         return np.where(known, share * full / self.relit.recorded.light(source, every), share)
 
-    def _unseen(self, name: str, t: int, rows: Int64[np.ndarray, "n"]) -> Bool[np.ndarray, "l n"]:
+    @cached_property
+    def _unseen(self) -> Callable[[str, int], Bool[np.ndarray, "l n"]]:
         """Of recorded pixels by lamp: where walls and floor lie in shadows that nothing seen casts. They stay, but for
-        the rims of those that things do cast."""
-        view, lamps, was = self.scene.episode.views[name], self.relit.recorded, self._was(name, t)
-        _, places = casting.discs_of(view, t, np.arange(was.size))
-        reached = [one.reached(places) for one in self._before.maps(t, lamps.directions)]
-        states = _states(was.reshape(-1), places.normals, reached, lamps)
-        walls = np.isin(view.ids(t), sorted(self.scene.roles.get("background", ())))  # type: ignore[misc]
-        cast = [
-            (now == 0) & ~grown(known.reshape(was.shape) <= 0.5, ASTRAY).reshape(-1)
-            for now, known in zip(states, reached, strict=True)
-        ]
-        return np.array(cast)[:, rows] & walls.reshape(-1)[rows]
+        the rims of those that things do cast. The last images' are kept."""
+
+        @lru_cache(KEPT)
+        def stays(name: str, t: int) -> Bool[np.ndarray, "l n"]:
+            view, lamps, was = (
+                self.scene.episode.views[name],
+                self.relit.recorded,
+                self._was(name, t),
+            )
+            _, places = casting.discs_of(view, t, np.arange(was.size))
+            reached = [one.reached(places) for one in self._before.maps(t, lamps.directions)]
+            states = _states(was.reshape(-1), places.normals, reached, lamps)
+            walls = np.isin(view.ids(t), sorted(self.scene.roles.get("background", ()))).reshape(-1)  # type: ignore[misc]
+            cast = [
+                (now == 0) & ~grown(known.reshape(was.shape) <= 0.5, ASTRAY).reshape(-1)
+                for now, known in zip(states, reached, strict=True)
+            ]
+            return np.array(cast) & walls
+
+        return stays
 
     def _reached(
         self, places: Discs, t: int, direction: Float64[np.ndarray, "3"]
