@@ -91,3 +91,16 @@ def test_without_depth_there_is_nothing_to_light() -> None:
             replace(recorded, episode=replace(recorded.episode, views=blind)),
             np.random.default_rng(0),
         )
+
+
+def test_a_lamp_that_faces_do_not_tell_is_said_to_be_a_guess() -> None:
+    """Things whose brightness is a pattern, under no lamp; and what is known needs no guess."""
+    patterned, told = scene(EYES, length=2), lit(RECORDED)
+    operator = LightDirection()
+    for recorded, guesses in ((patterned, 1), (told, 0)):
+        edit = operator.sample(recorded, np.random.default_rng(0))
+        ((words, count),) = operator.falls_short(edit).items()
+        assert count == (guesses, 1)
+        assert words.startswith("lamps are a guess")
+    given = LightDirection(recorded=tuple(RECORDED))
+    assert given.falls_short(given.sample(patterned, np.random.default_rng(0))) == {}

@@ -98,14 +98,14 @@ def test_shadows_that_nothing_seen_casts_stay_on_the_floor(shaded):
     take, scene = shaded
     view, floor = take.episode.views["overhead"], take.truth.handles["floor"]
     now = rig.turned(scene.relit.recorded, 0.3, 1.0)
-    cast = recast.of(replace(scene, relit=replace(scene.relit, now=now)))
+    shown = replace(scene, relit=replace(scene.relit, now=now))
     before = intrinsic.share(scene, "overhead", T)
     dark = (view.ids(T) == floor) & (np.arange(view.camera.width) % 40 < 20) & (before > 0.9)
     assert dark.sum() > 100
     at = "overhead", T, view.depth(T), view.ids(T)
-    without = cast.light(*at)
-    vars(cast)["_was"] = lambda name, t: np.where(dark, lone_light(scene), before)
-    stays = cast.light(*at)
+    without, darkened = recast.of(shown).light(*at), recast.of(shown)
+    vars(darkened)["_was"] = lambda name, t: np.where(dark, lone_light(scene), before)
+    stays = darkened.light(*at)
     assert np.median((without - stays)[dark]) > 0.1
     np.testing.assert_array_equal(stays[~dark], without[~dark])
 
