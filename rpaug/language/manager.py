@@ -3,6 +3,7 @@
 import contextlib
 import re
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Any
 
 from rpaug.assets import library
@@ -23,6 +24,11 @@ BREAKS = group("manager_breaks") | {","}
 PLAIN, SIMILE = group("manager_plain"), group("manager_simile")
 ADJUNCT = frozenset({"chance", "filler", "to", "camera", "point", "and", "from", "even", "not"})
 ORDERS = group("manager_orders")
+SUBJECT = frozenset({"thing", "light", "lit", "image", "camera", "and", "each", "all", "filler"})
+MODAL = frozenset({"should", "must", "shall", "ought", "want", "is", "are"})
+ACTS = frozenset(
+    {"lay", "paint", "style"}
+)  # that nouns are as well: "the color of", "color the box"
 APART = re.compile(
     r"\b(?:never|not|no) (?:both|together|in the same cop\w+|at (?:once|the same time))\b"
 )
@@ -184,9 +190,35 @@ def _over(read: list[Token], k: int) -> bool:
             )
         return read[k].text != ","
     mark = next((one.text for one in after if one.text in (":", ",", "and", "but", ";")), "")
-    if mark == ":" and read[k].text == ",":
+    if (mark == ":" and read[k].text == ",") or _has_a_verb_of_its_own(read, k):
         return True
     return bool(after) and after[0].text.split()[0] in ORDERS and after[0].kind != "thing"
+
+
+def _has_a_verb_of_its_own(read: list[Token], k: int) -> bool:
+    """After a clause that names more than things: does a subject with "should" follow, "the mug and the can should", or
+    an order such as "color the box"?
+
+    Raises NotUnderstood where its first things may be of what is before.
+    """
+    subject = list(
+        takewhile(lambda one: one.kind in SUBJECT and one.text not in MODAL, read[k + 1 :])
+    )
+    verb = read[k + 1 + len(subject) :][:1]
+    if {one.kind for one in read[:k]} <= SUBJECT:
+        return False
+    if [
+        one.kind in kinds
+        for one, kinds in zip(read[k + 1 : k + 3], (ACTS, {"thing"}), strict=False)
+    ] == [True, True]:
+        return True
+    if not (verb and verb[0].text in MODAL):
+        return False
+    if read[k - 1].kind == "thing" and any(one.kind == "and" for one in subject):
+        raise NotUnderstood(
+            f"{said(subject)!r}: is all of it of what is before it, or of what comes after?"
+        )
+    return True
 
 
 def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:

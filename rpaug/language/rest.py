@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import fields
+from itertools import dropwhile
 from typing import Any, cast
 
 from rpaug.core import color_space, registry
@@ -268,7 +269,12 @@ def kept(read: Sequence[Token]) -> list[Token] | None:
     counted = {"number", "strangers"} <= {
         one.kind for one in read[at + 1 :]
     }  # "..., 4 distractors"
-    if counted or any(one.text in ("should", "must", "shall") for one in read[at + 1 :]):
+    joined = dropwhile(lambda one: one.kind != "and", read[at + 1 :])
+    if (
+        counted
+        or any(one.text in ("should", "must", "shall") for one in read[at + 1 :])
+        or any(one.kind == "color" for one in joined)  # "leave the mug alone, the arm in gold"
+    ):
         raise NotUnderstood(f"{said(read)!r}: one thing after the other, please")
     named = [one for one in read if one.kind in KEPT]
     negated = any(one.text in NEGATED for one in read)

@@ -77,13 +77,18 @@ import os, sys, time
 from multiprocessing import get_context
 from pathlib import Path
 from rpaug.core import owner
+def target(link):
+    try:
+        return os.readlink(link)
+    except FileNotFoundError:  # closed since it was listed
+        return ""
 with owner.owned(Path(sys.argv[1])):
-    child = get_context("fork").Process(target=owner.child, args=("time", "sleep", 600))
+    child = get_context("fork").Process(target=owner.child, args=("time", "sleep", 600), daemon=True)
     child.start()
     ends, open_there = time.monotonic() + 10, [".lock"]
     while open_there and time.monotonic() < ends:
         links = [f"/proc/{child.pid}/fd/{one}" for one in os.listdir(f"/proc/{child.pid}/fd")]
-        open_there = [one for one in map(os.readlink, filter(os.path.lexists, links)) if one.endswith(".lock")]
+        open_there = [one for one in map(target, links) if one.endswith(".lock")]
     print(child.is_alive(), open_there)
     child.kill()
 """
