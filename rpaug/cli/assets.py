@@ -49,10 +49,15 @@ def add(
     Example: [bold]rpaug assets add teapot.glb --category teapot --scale 0.01 --up y[/]
     """
     from rpaug.assets import library, reading, sampled
+    from rpaug.core.errors import RpaugError
 
     _check_up(up)
     thing, splats = reading.read(file, scale, up)
-    outlined = gaussians > 0 and splats is None
+    outlined = gaussians > 0
+    if outlined and splats is not None:
+        raise RpaugError(
+            f"--gaussians: {file} holds {len(splats)} Gaussians of its own; the option is for meshes"
+        )
     if outlined:
         splats = sampled.gaussians(thing, gaussians)
     name = name or file.stem.replace("-", "_")

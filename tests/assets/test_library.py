@@ -319,8 +319,8 @@ def cloud(count: int) -> Gaussians:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("options", [[], ["--gaussians", "500"], ["--category", "cup"]])
-def test_a_file_of_gaussians_keeps_its_own_whatever_is_asked(tmp_path, options):
+@pytest.mark.parametrize("options", [[], ["--category", "cup"]])
+def test_a_file_of_gaussians_keeps_its_own(tmp_path, options):
     gaussian_files.write(tmp_path / "cloud.ply", cloud(50))
     done = CliRunner().invoke(app, ["assets", "add", str(tmp_path / "cloud.ply"), *options])
     assert done.exit_code == 0, done.output
@@ -328,6 +328,15 @@ def test_a_file_of_gaussians_keeps_its_own_whatever_is_asked(tmp_path, options):
     for name in ("means", "quats", "scales", "sh"):
         np.testing.assert_allclose(getattr(kept, name), getattr(cloud(50), name), rtol=1e-5)
     assert not library.outlined("cloud")
+
+
+def test_a_file_of_gaussians_is_not_drawn_by_others(tmp_path):
+    file = tmp_path / "cloud.ply"
+    gaussian_files.write(file, cloud(50))
+    done = CliRunner().invoke(app, ["assets", "add", str(file), "--gaussians", "500"])
+    assert done.exit_code == 2
+    assert "holds 50 Gaussians of its own" in " ".join(done.output.split())
+    assert "cloud" not in [one.name for one in library.assets()]
 
 
 def test_gaussians_become_squares_of_their_color(tmp_path):
