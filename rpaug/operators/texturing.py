@@ -17,7 +17,7 @@ from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB
-from rpaug.scene.lighting import albedo, intrinsic, shading
+from rpaug.scene.lighting import albedo, intrinsic, rig, shading
 from rpaug.scene.targets import agreement, targets
 
 Triple = tuple[float, float, float]
@@ -213,6 +213,8 @@ class Texturing(Operator):
         best = intrinsic.best_light(scene, instance_id)
         known = self.albedo is not None
         smooth = shading.fit(seen, tuple(described["albedo"]), known, best)
+        if smooth is not None:
+            smooth = replace(smooth, casts=not rig.nothing_casts(scene))
         return described | {"smooth": smooth.describe() if smooth else None}
 
     def _texture(self, edit: Edit) -> Texture:

@@ -46,6 +46,16 @@ def find(scene: Scene) -> Rig | None:
     return _find(recorded(scene)) if scene.bodies else None
 
 
+def nothing_casts(scene: Scene) -> bool:
+    """Whether things move in sight of a camera that stands still and no shadow goes along: then what is dark is no
+    shadow. Not known, so False, where nothing moves."""
+    found = recorded(scene)
+    if not (found.bodies and found.moving):
+        return False
+    fell = _darkened(found.episode, found.moving)
+    return any(one.seen for one in fell) and not _often(fell)
+
+
 @memo.of_episode
 def shadows_wander(episode: Episode) -> bool:
     """Whether a shadow passes over anything at all, before it is known what moves: then it may be worth knowing."""

@@ -28,6 +28,7 @@ MOST_PIXELS = 600  # of one thing, from one image
 PATTERN = 0.03  # spread of log brightness about the smooth fit from which a surface is taken for patterned
 SPREADS = (2.5, 4.0)  # of them, below the fit: from where a pixel may be, and is, in shadow
 SHADOW = (0.25, 0.5)  # the same in log brightness, at least: gaps between tiles are that dark too
+NEVER = (1e6, 2e6)  # the same where nothing casts shadows
 DARK, BRIGHT = 0.02, 0.98  # of the brightest channel: outside, no shading is measured
 LIT = 0.98  # quantile of the fit that counts as fully lit, where the albedo is a guess
 BY_NORMAL = 9  # terms of the fit that know the normal only
@@ -84,7 +85,8 @@ def sample(
 class Smooth:
     """Shading as a smooth function of place and normal, fitted to a patterned surface.
 
-    `spread` is the old pattern's contrast: one standard deviation of log brightness about the fit.
+    `spread` is the old pattern's contrast: one standard deviation of log brightness about the fit. What is much darker
+    lies in shadow where something `casts` any, and is pattern else.
     """
 
     middle: tuple[float, ...]
@@ -92,6 +94,7 @@ class Smooth:
     weights: tuple[float, ...]
     spread: float
     level: float = 1.0  # of the shading that pixels measure, where the fit says 1
+    casts: bool = True
 
     def of(
         self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
@@ -107,6 +110,8 @@ class Smooth:
     @property
     def shadows(self) -> tuple[float, float]:
         """By how much in log brightness a place may be, and is, darker than the fit where it lies in shadow."""
+        if not self.casts:
+            return NEVER
         low, high = (
             max(spreads * self.spread, least)
             for spreads, least in zip(SPREADS, SHADOW, strict=True)
@@ -121,6 +126,7 @@ class Smooth:
             "weights": list(self.weights),
             "spread": self.spread,
             "level": self.level,
+            "casts": self.casts,
         }
 
 

@@ -42,6 +42,20 @@ def test_lamps_whose_shadows_are_not_those_seen_are_refused(wandering: Scene) ->
     assert told.tobytes() == before.tobytes()
 
 
+def test_nothing_casts_where_things_move_and_no_shadow_goes_along(wandering: Scene) -> None:
+    assert not rig.nothing_casts(wandering)  # a band of shadow goes along
+    lit_alike = scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH)
+    assert lit_alike.moving
+    assert rig.nothing_casts(lit_alike)
+    resting = replace(
+        lit_alike,
+        roles={**lit_alike.roles},
+        bodies=tuple(replace(one, motion="static") for one in lit_alike.bodies),
+    )
+    assert not resting.moving
+    assert not rig.nothing_casts(resting)  # nothing would show that there are any
+
+
 def test_what_edits_put_in_is_no_part_of_the_recording(wandering: Scene) -> None:
     """Else lamps and highlights would be sought anew for each copy with a distractor."""
     recorded, pose = rig.recorded(wandering), np.tile(np.eye(4), (LENGTH, 1, 1))

@@ -43,6 +43,8 @@ def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float, fall: float) -
     assert np.median(np.abs(out / light - 1)[~shadow]) < 0.06
     assert np.std(np.log(out / light)[~shadow]) < 0.4 * pattern + 0.02
     assert out[shadow].mean() < 0.75 * light[~shadow].mean()
+    known = replace(smooth, casts=False).of(measured, samples.points, samples.facing)
+    assert known[shadow].mean() > 0.85 * light[shadow].mean()  # what is darker is pattern then
 
 
 @pytest.mark.parametrize("bend", [-1.0, 1.0])
