@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from rpaug.core import geometry
+from rpaug.physics import simulate
 from rpaug.physics.colliders import Boxes
+from rpaug.physics.materials import Material
 from rpaug.physics.rigid import Hinge, Rail, Rigid, columns
+from rpaug.physics.simulate import SimulationSetting
 from rpaug.physics.solids import Solid
 
 HALF = np.array([0.03, 0.03, 0.06])
@@ -130,3 +133,15 @@ def test_a_cylinder_that_topples_goes_straight_and_is_not_turned_by_its_own_axes
         end = one.run(31, 0.05).motions[-1]
         ends.append(geometry.transform(end, pose[None, :3, 3])[0])
     assert all(0.1 < end[1] < 0.115 and abs(end[0]) < 0.005 for end in ends), ends
+
+
+@pytest.mark.parametrize(("inside", "about"), [(False, False), (True, True)])
+def test_what_begins_inside_of_something_is_thrown_about(inside: bool, about: bool) -> None:
+    x, y = np.meshgrid(np.arange(0.0, 0.02, 0.004), np.arange(-0.02, 0.02, 0.004))
+    post = np.stack([x.ravel() + (0.02 if inside else 0.2), y.ravel(), np.full(x.size, 0.1)], -1)
+    points = box(geometry.rigid(np.zeros(3), np.array([0, 0, HALF[2] + 0.02])))
+    fall = Rigid(points, 500.0, 0.0, columns=columns(post, 0.0)).run(21, 0.05)
+    how = SimulationSetting(Material())
+    assert simulate.thrown(fall.motions, points.mean(0), how) is about
+    given = SimulationSetting(Material(), velocity=(6.0, 0.0, 0.0))
+    assert not simulate.thrown(fall.motions, points.mean(0), given)

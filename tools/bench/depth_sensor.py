@@ -32,6 +32,7 @@ from rpaug.scene import build
 from rpaug.scene.recorded import sensed
 from tools.bench import photographed
 from tools.bench.harness.cases import CASES, FactorCase
+from tools.bench.photographed_truths import changed, made
 
 Depth = Float32[np.ndarray, "h w"]
 LEVELS = 0.5, 0.9, 0.99
@@ -176,7 +177,7 @@ def rows(seed: int, sensors: Sequence[str], factors: Sequence[str], folder: Path
                 task, seed, look=look, frames=photographed.FRAMES, size=photographed.SIZE
             )
         recorded = takes[case.lamps]
-        true = photographed.changed(case, factor, recorded, task, seed)
+        true = changed(case, factor, recorded)
         for name in sensors:
             if (case.lamps, name) not in scenes:
                 episode = recorded.episode
@@ -199,7 +200,7 @@ def row(
     refused, start, figures = "", time.process_time(), (NOTHING,) * 5
     try:
         ask = case.ask(recorded, true, folder)[-1]
-        copy = photographed.made(scene, case.operator, ask.steps[0], ask.edit)
+        copy = made(scene, case.operator, ask.steps[0], ask.edit)
         figures = scored(scene, copy, recorded, true, factor)
     except RpaugError as refusal:
         refused = str(refusal)

@@ -6,7 +6,7 @@ Of each seed's recording only the fixed cameras' colors are kept, as a cheap cam
 (`tools.bench.photographing`), their intrinsics, and poses as far off as `rpaug calibrate` leaves them. Models of a
 quality (`tools.bench.scripted`, `tools.bench.scripted_depth`) outline everything on the table by its part's name, and
 give depth. The edit's truth is taken by the same camera without noise and files, which nobody can foresee. dB are of
-the truly changed pixels; of cameras that moved and of what was removed, of those that some camera saw.
+the truly changed pixels; of cameras that moved and of what was removed or put elsewhere, of those that some camera saw.
 """
 
 import argparse
@@ -22,7 +22,6 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
-from pydantic import TypeAdapter
 
 from rpaug import twin
 from rpaug.compose import inserted
@@ -31,23 +30,25 @@ from rpaug.core.errors import RpaugError
 from rpaug.core.metrics import psnr
 from rpaug.core.types import CameraView, Effect, Episode, Scene
 from rpaug.operators import insert
-from rpaug.pipeline import plan
-from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
-from rpaug.pipeline.recipe import Recipe
 from rpaug.providers.models_settings import Models
 from rpaug.scene.build import find, sources
 from rpaug.scene.instances.by_models import AskedModels
 from rpaug.twin.tabletop import TABLE
-from tools.bench import photographing, rgb_only, scripted
-from tools.bench.harness.cases import CASES, FactorCase
+from tools.bench import photographed_truths, photographing, rgb_only, scripted
+from tools.bench.harness.cases import FactorCase
+from tools.bench.photographed_truths import MEASURED, changed, made
 from tools.bench.scripted_depth import ScriptedDepth
 
-WORDS = ("object_color", "object_texture", "removal", "object_size")
+WORDS = ("object_color", "object_texture", "removal", "object_size", *photographed_truths.TRUTHS)
 PLACE, TURN = (
     0.0042 / 1.6,
     np.radians(0.31) / 1.6,
 )  # deviations a side of what calibration's medians come to
-SEEN = ("camera_pose", "removal")  # factors whose error is that of what somebody saw
+SEEN = (
+    "camera_pose",
+    "removal",
+    *photographed_truths.TRUTHS,
+)  # factors whose error is that of what somebody saw
 DIFFERS = 2  # grey levels by which truth and recording differ where something changed
 NOTHING = float("nan")
 SIZE, FRAMES = 128, 17
@@ -145,7 +146,7 @@ class Shot:
 
 def asked(
     case: FactorCase, factor: str, scene: Scene, recorded: twin.Take, true: twin.Take, folder: Path
-) -> tuple[dict[str, Any], dict[str, Any] | None]:
+) -> tuple[dict[str, Any], Any]:
     """The fields that ask for the true change without anything that only the truth knows; and the edit where no draw of
     theirs is the true one."""
     ask = case.ask(recorded, true, folder)[-1]
@@ -155,7 +156,10 @@ def asked(
         fields["origin"] = [x, y, z - TABLE]
     image_shownas(factor, fields, photographing.drawn(recorded.truth.seed))
     if factor in WORDS:
-        fields["target"] = {"text": rgb_only.NAMED}
+        named = {"text": rgb_only.NAMED}
+        fields |= {"targets": [named]} if factor == "spread" else {"target": named}
+    if factor in photographed_truths.MOVED:
+        return fields, photographed_truths.placed(factor, photographed_truths.motion(recorded))
     if factor != "distractor":
         return fields, ask.edit
     assert ask.edit is not None
@@ -181,19 +185,6 @@ def image_shownas(factor: str, fields: dict[str, Any], faults: photographing.Cam
         fields["range"] = (gain * np.array(fields["range"])).tolist()
 
 
-def made(scene: Scene, op: str, fields: Mapping[str, Any], edit: Any) -> Any:
-    """The copy, by the pipeline's own stages. Raises RpaugError where it is refused."""
-    operator = TypeAdapter(registry.operator(op)).validate_python(dict(fields))
-    asked_for = plan.make([operator], scene.episode)
-    plan.check(operator, scene)
-    edit = edit or operator.sample(scene, np.random.default_rng(0))
-    plain = json.loads(json.dumps(edit))
-    plan.check_shown(operator, scene, operator.apply(scene, plain))
-    draws = [{"step": 0, "op": op, "fields": dict(fields), "edit": plain}]
-    prepared = PreparedEpisode(scene, asked_for, Recipe.from_dict({"version": 1}))
-    return draw_copy(prepared, 1, known=Known(draws=draws))
-
-
 def rows(
     seed: int,
     qualities: Sequence[str],
@@ -209,12 +200,12 @@ def rows(
     takes: dict[Any, twin.Take] = {}
     scenes: dict[Any, tuple[Scene, float]] = {}
     for factor in factors:
-        case = CASES[factor]
+        case = MEASURED[factor]
         if case.lamps not in takes:
             lit = replace(look, lamps=case.lamps)
             takes[case.lamps] = twin.perform(task, seed, look=lit, frames=FRAMES, size=SIZE)
         recorded = takes[case.lamps]
-        true = changed(case, factor, recorded, task, seed)
+        true = changed(case, factor, recorded)
         words = frozenset(true.truth.changed if factor in WORDS else ())
         for quality in qualities:
             key = case.lamps, words, quality
@@ -253,25 +244,6 @@ def row(
     return Row(quality, factor, truth.seed, truth.task, *figures, error, told, spent, refused)
 
 
-def changed(case: FactorCase, factor: str, recorded: twin.Take, task: str, seed: int) -> twin.Take:
-    """The same with the factor truly changed."""
-    view = next(iter(recorded.episode.views.values())).camera
-    true = twin.perform(
-        task,
-        seed,
-        factor=factor,
-        target=case.targets[0],
-        value=case.value(recorded) if case.value else None,
-        look=recorded.truth.new,
-        size=view.width,
-        frames=recorded.episode.length,
-    )
-    if true.truth.new.extras:
-        new = tuple(extra.handle for extra in true.truth.new.extras)
-        true = replace(true, truth=replace(true.truth, changed=new))
-    return true
-
-
 def depth_error(scene: Scene, recorded: twin.Take) -> tuple[float, float]:
     """How far the depth of things on the table is off, metres, median over things; and what was said of it, at most."""
     handles = recorded.truth.handles.items()
@@ -302,7 +274,7 @@ def scored(
     goal = photographing.photographed(true.episode, faults, seed, noisy=False)
     was = photographing.photographed(recorded.episode, faults, seed, noisy=False)
     taken = photographing.photographed(true.episode, faults, seed)
-    colors = registry.operator(CASES[factor].operator).effect == Effect.RGB
+    colors = registry.operator(MEASURED[factor].operator).effect == Effect.RGB
     painted = [one.instance_ids for one in copy.scene.appearance if one.instance_ids and colors]
     edited = sorted(frozenset().union(*painted))
     squares: list[list[np.ndarray]] = [[], [], [], []]
@@ -403,14 +375,16 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--quality", choices=scripted.QUALITIES, action="append")
-    parser.add_argument("--factor", choices=tuple(CASES), action="append", help="only these edits")
+    parser.add_argument(
+        "--factor", choices=tuple(MEASURED), action="append", help="only these edits"
+    )
     parser.add_argument("--shadows", action="store_true", help="lamps cast shadows")
     parser.add_argument("--crf", type=int, help="the cameras film: H.264 of this quality")
     parser.add_argument("--posed", action="store_true", help="cameras stand where they are said to")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     look = twin.Look(antialias=True, shadows=given.shadows)
-    chosen = given.quality or ["high", "middle", "low"], look, given.factor or list(CASES)
+    chosen = given.quality or ["high", "middle", "low"], look, given.factor or list(MEASURED)
     found = list[Row]()
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(given.first, given.first + given.seeds):

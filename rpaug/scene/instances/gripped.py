@@ -3,7 +3,7 @@
 The robot comes in from an image's edge, so that its fingers are what lies farthest from there along its own outline.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -56,30 +56,40 @@ def find(
     halted = all(step <= HALTED for step in _steps(shown(max(start - 1, 0)), near).values())
     if not halted or all(came.get(name, np.inf) <= REACH for name in near):
         return Gripped()
-    best: list[tuple[int, float]] = []
+    shares: list[dict[int, float]] = []
     there = set[int]()
     for name, mask in near.items():
         behind = resting[name]
         found, counts = np.unique(behind[mask & (behind != MOVING)], return_counts=True)
         there |= set(found[counts >= SOME * counts.sum()].tolist())
-        shares = {
-            int(one): count / (behind == one).sum()
-            for one, count in zip(found, counts, strict=True)
-            if one > AROUND
-        }
-        order = sorted(shares, key=lambda one: -shares[one])
-        clear = len(order) < 2 or shares[order[0]] >= CLEAR * shares[order[1]]
-        held = bool(order) and clear and shares[order[0]] >= HELD
-        best.append((order[0], float(shares[order[0]])) if held else (0, 0.0))
+        shares.append(
+            {
+                int(one): float(count / (behind == one).sum())
+                for one, count in zip(found, counts, strict=True)
+                if one > AROUND
+            }
+        )
     within = frozenset(there) if there <= {SUPPORT, AROUND} else frozenset()
-    named = {thing for thing, _ in best}
-    if len(named) != 1 or 0 in named:
+    thing, share = _agreed(shares)
+    if thing is None:
         return Gripped(within=within)
-    (thing,) = named
     end = shown(last)
     if any(_gone(resting[name] == thing, end[name], thing) for name in at):
         return Gripped(within=within)
-    return Gripped(thing, min(share for _, share in best))
+    return Gripped(thing, share)
+
+
+def _agreed(shares: Sequence[Mapping[int, float]]) -> tuple[int | None, float]:
+    """The one thing that lies at the fingers in every camera, by its least share there; and that share. What one camera
+    shows there beside it lies before or behind it if another camera does not."""
+    every = set[int]().union(*shares)
+    least = {one: min(seen.get(one, 0.0) for seen in shares) for one in every}
+    order = sorted(every, key=lambda one: -least[one])
+    if not order or least[order[0]] < HELD:
+        return None, 0.0
+    if len(order) > 1 and least[order[0]] < CLEAR * least[order[1]]:
+        return None, 0.0
+    return order[0], least[order[0]]
 
 
 def _steps(

@@ -363,6 +363,7 @@ class _Finder:
             fits = self._of_color(phrase, wanted) or self._of_color(phrase, found.all) * (
                 phrase.color is not None and not found.settled
             )
+            fits = fits or self._dimmed(phrase, found.all)
             if found.settled:
                 return fits, True, ""
             # "The left bowl on the right bowl": two things go by the noun; a cabinet's part by that of the cabinet.
@@ -377,6 +378,17 @@ class _Finder:
         rows = [[row for row in self._rows if row.instance_id in group] for group in groups]
         fits = [frozenset(row.instance_id for row in self._colored(phrase, some)) for some in rows]
         return [fit for fit in fits if fit]
+
+    def _dimmed(self, phrase: Phrase, groups: Sequence[frozenset[int]]) -> list[frozenset[int]]:
+        """In color images alone the one thing that a noun means has its color, as far as light and shade leave it, if
+        nothing else has: an orange carrot in a dim sink is brown."""
+        if not self._named_only or phrase.color is None or len(groups) != 1:
+            return []
+        if self._colored(phrase, self._movable()):
+            return []
+        rows = [row for row in self._rows if row.instance_id in groups[0]]
+        near = [color_space.akin(phrase.color, row.color_name) for row in rows]
+        return list(groups) if rows and all(near) else []
 
     @cached_property
     def _resolver(self) -> Resolver:

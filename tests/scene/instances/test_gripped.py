@@ -14,13 +14,13 @@ LENGTH = 12
 OVER = {"block": 26, "plate": 40, "table": 12}
 
 
-def frame(t: int, ends: str, mirror: bool) -> np.ndarray:
+def frame(t: int, ends: str, mirror: bool, block: tuple[int, int, int] = BLOCK) -> np.ndarray:
     """An arm comes down and stops over a thing."""
     out = np.empty((SIZE, SIZE, 3), float)
     out[:] = FLOOR
     out[16:60, 4:60] = TABLE
     out[40:49, 40:49] = PLATE
-    out[36:46, 22:32] = BLOCK
+    out[36:46, 22:32] = block
     low = 4 + 4 * min(t, 10)
     left = OVER[ends]
     out[:low, left : left + 8] = (15, 15, 18)
@@ -29,8 +29,10 @@ def frame(t: int, ends: str, mirror: bool) -> np.ndarray:
     return image[:, ::-1].copy() if mirror else image
 
 
-def episode(ends: tuple[str, ...], opening: np.ndarray | None) -> Episode:
-    images = [[frame(t, one, k > 0) for t in range(LENGTH)] for k, one in enumerate(ends)]
+def episode(
+    ends: tuple[str, ...], opening: np.ndarray | None, block: tuple[int, int, int] = BLOCK
+) -> Episode:
+    images = [[frame(t, one, k > 0, block) for t in range(LENGTH)] for k, one in enumerate(ends)]
     views = {
         f"image_{k}": CameraView(still(LENGTH), shown.__getitem__) for k, shown in enumerate(images)
     }
@@ -52,6 +54,32 @@ def test_what_the_gripper_closes_on_is_manipulated(cameras: int, ends: str, colo
 def test_cameras_that_disagree_tell_nothing() -> None:
     scene = build(episode(("block", "plate"), SHUTS), with_bodies=True)
     assert "manipulated" not in scene.roles
+
+
+def test_what_lies_at_the_fingers_in_all_cameras_is_gripped_whatever_one_shows_beside_it() -> None:
+    beside = drawn(None, 7)
+    beside[38:41, 32:38] = 8
+    hand = [np.where(drawn(32) == 1, 1, one) for one in (beside, drawn(None, 7))]
+
+    def told_of(*cameras: tuple[np.ndarray, np.ndarray]) -> int | None:
+        resting = {str(k): one for k, (one, _) in enumerate(cameras)}
+        return gripped.find(
+            resting,
+            lambda t: {str(k): pair[t > 0] for k, pair in enumerate(cameras)},
+            start=2,
+            last=3,
+        ).thing
+
+    assert told_of((beside, hand[0])) is None
+    assert told_of((beside, hand[0]), (drawn(None, 7), hand[1])) == 7
+
+
+def test_an_orange_thing_in_dim_light_is_still_the_one_that_the_instruction_names() -> None:
+    scene = build(episode(("block",), SHUTS, block=(120, 70, 28)), with_bodies=True)
+    assert find(scene, Target(text="the orange block")) == scene.roles["manipulated"]
+    for other in ("the blue block", "the green block", "the orange thing"):
+        with pytest.raises(TargetError):
+            find(scene, Target(text=other))
 
 
 @pytest.mark.parametrize("opening", [None, np.ones(LENGTH)])

@@ -1,5 +1,6 @@
 """A model's depth of a still camera: one in time, on the support's plane, sharp at outlines, and how sure."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from rpaug.operators.remove import Remove
 from rpaug.pipeline import plan
 from rpaug.scene.instances import backdrop, ground_plane, modelled_depth
 from rpaug.scene.placement import placing
-from rpaug.scene.placement.free_space import MARGIN
+from rpaug.scene.placement.free_space import MARGIN, FreeSpace
 
 LENGTH = 10
 TABLE, THING, ROOM = 1, 2, 3
@@ -173,6 +174,27 @@ def test_edits_that_need_depth_are_refused_where_it_is_too_unsure(
     plan.check(Remove(target={"handle": THING}), scene(0.9 * MARGIN))
     with pytest.raises(SourceLacks, match=words):
         plan.check(Remove(target={"handle": THING}), scene(spread))
+
+
+def room(spread: float | None) -> FreeSpace:
+    """The room beside a thing that moves; None for its line of sight alone, without a model's depth."""
+    made = scene(spread or 0.0)
+    view = made.episode.views["front"]
+    if spread is None:
+        view = replace(view, depth=None)
+    bodies = tuple(
+        replace(one, motion="unknown") if THING in one.instance_ids else one for one in made.bodies
+    )
+    roles = {"table": frozenset([TABLE]), "background": frozenset([ROOM])}
+    episode = replace(made.episode, views={"front": view})
+    return placing.find_free_space(replace(made, episode=episode, bodies=bodies, roles=roles))
+
+
+def test_what_moves_takes_the_room_around_its_depth_and_not_all_of_its_line_of_sight() -> None:
+    taken = [np.isfinite(room(spread).swept) for spread in (0.005, 0.03, None)]
+    for less, more in itertools.pairwise(taken):
+        assert (more | ~less).all()
+        assert 0 < less.sum() < more.sum()
 
 
 def test_the_world_of_a_placed_camera_has_its_support_at_zero() -> None:

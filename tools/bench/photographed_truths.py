@@ -1,0 +1,153 @@
+"""What truly changes in a recording of the twin, for `tools.bench.photographed`.
+
+Colors, lamps, cameras, sizes, and what is put in or taken away are recorded again. A thing that was moved is recorded
+elsewhere; of a duplicated one both recordings are laid over each other by their depth. What physics does to a thing has
+no second recording: there the truth is the same edit on exact depth, masks and poses.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+from pydantic import TypeAdapter
+
+from rpaug import twin
+from rpaug.core import registry
+from rpaug.core.types import CameraView, Scene
+from rpaug.operators.move import Move
+from rpaug.pipeline import plan
+from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
+from rpaug.pipeline.recipe import Recipe
+from rpaug.scene.build import build
+from rpaug.scene.targets.targets import Target
+from tools.bench.harness.cases import CASES, Ask, FactorCase
+
+THING = "cylinder"  # what no task acts on
+FALL: Mapping[str, Any] = {"material": "wood", "height": (0.05, 0.05)}
+
+
+def made(scene: Scene, op: str, fields: Mapping[str, Any], edit: Any) -> Any:
+    """The copy, by the pipeline's own stages. Raises RpaugError where it is refused."""
+    operator = TypeAdapter(registry.operator(op)).validate_python(dict(fields))
+    asked_for = plan.make([operator], scene.episode)
+    plan.check(operator, scene)
+    drawn = operator.sample(scene, np.random.default_rng(0)) if callable(edit) or not edit else edit
+    plain = json.loads(json.dumps(edit(drawn) if callable(edit) else drawn))
+    plan.check_shown(operator, scene, operator.apply(scene, plain))
+    draws = [{"step": 0, "op": op, "fields": dict(fields), "edit": plain}]
+    prepared = PreparedEpisode(scene, asked_for, Recipe.from_dict({"version": 1}))
+    return draw_copy(prepared, 1, known=Known(draws=draws))
+
+
+def changed(case: FactorCase, factor: str, recorded: twin.Take) -> twin.Take:
+    """The same with the factor truly changed."""
+    if factor in TRUTHS:
+        return TRUTHS[factor](recorded)
+    true = _again(recorded, factor, case.targets[0], case.value(recorded) if case.value else None)
+    if true.truth.new.extras:
+        new = tuple(extra.handle for extra in true.truth.new.extras)
+        true = replace(true, truth=replace(true.truth, changed=new))
+    return true
+
+
+def _again(recorded: twin.Take, factor: str, target: str | None, value: Any) -> twin.Take:
+    return twin.perform(
+        recorded.truth.task,
+        recorded.truth.seed,
+        factor=factor,
+        target=target,
+        value=value,
+        look=recorded.truth.new,
+        size=next(iter(recorded.episode.views.values())).camera.width,
+        frames=recorded.episode.length,
+    )
+
+
+def motion(recorded: twin.Take) -> Float64[np.ndarray, "4 4"]:
+    """Where `move` would put the thing, unturned."""
+    scene = build(recorded.episode, with_bodies=True)
+    thing = Target(handle=recorded.truth.handles[THING])
+    operator = Move(target=thing, turn=0.0)
+    return np.array(
+        operator.sample(scene, np.random.default_rng(recorded.truth.seed))["motion"], float
+    )
+
+
+def _moved(recorded: twin.Take) -> twin.Take:
+    towards = recorded.poses[THING][0, :3, :3].T @ motion(recorded)[:3, 3]
+    return _again(recorded, "object_place", THING, tuple(towards.tolist()))
+
+
+def _doubled(recorded: twin.Take) -> twin.Take:
+    """Both recordings, whatever is nearer of the thing."""
+    moved = _moved(recorded)
+    (handle,) = moved.truth.changed
+
+    def both(one: CameraView, other: CameraView) -> CameraView:
+        assert one.depth is not None
+        assert other.ids is not None
+        assert other.depth is not None
+
+        def nearer(t: int) -> np.ndarray:
+            mine = other.ids(t) == handle  # type: ignore[misc]
+            return mine & (other.depth(t) < one.depth(t))  # type: ignore[misc]
+
+        return replace(
+            one,
+            rgb=lambda t: np.where(nearer(t)[..., None], other.rgb(t), one.rgb(t)),
+            depth=lambda t: np.where(nearer(t), other.depth(t), one.depth(t)),  # type: ignore[misc]
+        )
+
+    views = {
+        name: both(view, moved.episode.views[name]) for name, view in recorded.episode.views.items()
+    }
+    return replace(moved, episode=replace(recorded.episode, views=views))
+
+
+def _fallen(recorded: twin.Take) -> twin.Take:
+    """The same edit on exact depth, masks and poses."""
+    handle = recorded.truth.handles[THING]
+    scene = build(recorded.episode, with_bodies=True)
+    copy = made(scene, "physics", {"target": {"handle": handle}, **FALL}, None)
+    truth = replace(recorded.truth, changed=(handle,))
+    return replace(recorded, episode=copy.episode, truth=truth)
+
+
+def _asked(fields: Mapping[str, Any]) -> Callable[..., tuple[Ask, ...]]:
+    return lambda recorded, true, folder: (Ask("rpaug", (fields,)),)
+
+
+TRUTHS: Mapping[str, Callable[[twin.Take], twin.Take]] = {
+    "move": _moved,
+    "spread": _moved,
+    "duplicate": _doubled,
+    "physics": _fallen,
+}
+MEASURED: Mapping[str, FactorCase] = {
+    **CASES,
+    "move": FactorCase("move", _asked({"turn": 0.0})),
+    "spread": FactorCase("spread", _asked({"turn": 0.0})),
+    "duplicate": FactorCase("duplicate", _asked({"turn": 0.0})),
+    "physics": FactorCase("physics", _asked(FALL)),
+}
+
+
+MOVED = ("move", "spread", "duplicate")
+
+
+def placed(factor: str, by: Float64[np.ndarray, "4 4"]) -> Callable[[Any], Any]:
+    """What an operator drew, with the true motion in place of its own; a refusal of its own stays one."""
+
+    def same(edit: Any) -> Any:
+        match factor:
+            case "move":
+                return edit | {"motion": by.tolist()}
+            case "spread":
+                return edit | {"moves": [one | {"motion": by.tolist()} for one in edit["moves"]]}
+            case _:
+                return edit | {"copies": [one | {"motion": by.tolist()} for one in edit["copies"]]}
+
+    return same
