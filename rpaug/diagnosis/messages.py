@@ -28,7 +28,7 @@ class Measured(Message):
     `failed` and `succeeded` are medians of the distance, in standard deviations of the recordings. `effect` is Cliff's
     delta: how much likelier a failed rollout lies further off than a succeeded one, -1 to 1. `exposed` is the failure
     rate among the rollouts beyond `threshold`, `spared` that of the others. `gain` is the logarithm of the likelihood
-    ratio of that split, `confidence` one minus the share of shuffled outcomes in which any factor does as well.
+    ratio of that split, `confidence` how surely that is more than chance (`weigh`).
     """
 
     factor: Factor
@@ -46,7 +46,8 @@ class Cause(Message):
     """One reason for failures. `rate` is how often rollouts that meet it fail for it: the remedy's probability.
 
     `remedy` is in words; `edits` is what they came to, empty where no edit of a recording can help, which `note` says.
-    `named` tells of a model's answers in how many of the failed rollouts that it saw it named the cause.
+    `named` tells of a model's answers in how many of the failed rollouts that it saw it named the cause. `spans` are
+    low and high of the factor's measured differences (`sight.NUMBERS`) in those failures, which edits then draw from.
     """
 
     factor: Factor
@@ -57,6 +58,7 @@ class Cause(Message):
     edits: tuple[dict[str, Any], ...] = ()
     note: str = ""
     named: str = ""
+    spans: tuple[tuple[float, float], ...] = ()
 
 
 class Diagnosis(Message):

@@ -32,12 +32,13 @@ OFTEN, ALWAYS = 0.5, 0.9  # shares of the recordings in which a pixel shows some
 
 @dataclass(frozen=True)
 class First:
-    """A recording's first frame in one camera: image, ids, their roles, and where the camera is, if that is known."""
+    """A recording's first frame in one camera: image, ids, their roles, where the camera is, and its focal length."""
 
     image: UInt8[np.ndarray, "h w 3"]
     ids: Int32[np.ndarray, "h w"]
     roles: Mapping[str, frozenset[int]]
     pose: Float64[np.ndarray, "4 4"] | None
+    focal: float | None = None  # focal length over the image's width, if that is known
 
     def mask(self, role: str) -> Bool[np.ndarray, "h w"]:
         """Where something in that role is seen."""
@@ -81,6 +82,13 @@ class Reference:
     scene: Callable[[], Scene]
     notes: tuple[str, ...] = ()
     tasks: Mapping[Words, Plates] = field(default_factory=dict)
+
+    @property
+    def focal(self) -> float | None:
+        """The shortest focal length of the recordings' cameras over their images' width, if all are known."""
+        found = [one.focal for plate in self.plates.values() for one in plate.firsts]
+        known = [one for one in found if one is not None]
+        return min(known) if known and len(known) == len(found) else None
 
     def of(self, instruction: str) -> Plates:
         """The plates of the task whose instruction is most like that one; of all, where none is like it."""
@@ -146,10 +154,11 @@ def _firsts(adapter: Adapter, dataset: Path, keys: Iterable[str]) -> dict[str, l
         scene = build(thinned(adapter.read(dataset, key), FRAMES), with_bodies=True)
         for name, view in scene.episode.views.items():
             if view.ids is not None and view.camera.fixed:
-                pose = view.camera.cam_to_world[0] if view.camera.placed else None
-                firsts.setdefault(name, []).append(
-                    First(view.rgb(0), view.ids(0), scene.roles, pose)
-                )
+                camera = view.camera
+                pose = camera.cam_to_world[0] if camera.placed else None
+                focal = None if camera.assumed else float(camera.K[0, 0]) / camera.width
+                seen = First(view.rgb(0), view.ids(0), scene.roles, pose, focal)
+                firsts.setdefault(name, []).append(seen)
     return firsts
 
 

@@ -1,9 +1,11 @@
-"""From causes to edits: each remedy in words goes through `ask`, and is as likely as the failures it is against."""
+"""From causes to edits: each remedy in words goes through `ask`, draws from what was measured, and is as likely as the
+failures it is against."""
 
 from collections.abc import Sequence
 from typing import Any
 
 from rpaug.core.errors import RpaugError
+from rpaug.diagnosis import ranges
 from rpaug.diagnosis.messages import Cause, Factor
 from rpaug.diagnosis.reference import Reference
 from rpaug.language import asking
@@ -40,7 +42,11 @@ def mended(cause: Cause, reference: Reference | None, seed: int = 0) -> Cause:
     except RpaugError as error:  # whatever is amiss with it, the other causes keep theirs
         return cause.model_copy(update={"note": f"the remedy is no edit: {asking.reason(error)}"})
     chance = round(min(1.0, max(LEAST, cause.rate)), 3)
-    edits = tuple({**edit, "probability": chance} for edit in asked.recipe["edits"])
+    focal = None if reference is None else reference.focal
+    wide = [
+        ranges.widened(cause.factor, edit, cause.spans, focal) for edit in asked.recipe["edits"]
+    ]
+    edits = tuple({**edit, "probability": chance} for edit in wide)
     return cause.model_copy(update={"edits": edits, "note": "; ".join(asked.notes)})
 
 

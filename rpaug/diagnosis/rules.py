@@ -25,17 +25,22 @@ class RuleAnalyst:
         if reference is None:
             why = "the rule-based analyst compares with the training recordings: give --dataset"
             return Judged(notes=(why,))
-        table = measure.table(evaluation, reference)
-        found = weigh.ranked(table, self._seed)
-        causes = tuple(
-            Cause(
-                factor=one.factor,
-                confidence=one.confidence,
-                rate=one.exposed,
-                detail=weigh.given(one, table),
-                remedy=WORDS.get(one.factor, ""),
-            )
-            for one in found
-            if one.confidence > KEPT / 2
+        return judged(measure.table(evaluation, reference), self._seed, reference.notes)
+
+
+def judged(table: measure.Table, seed: int = 0, notes: tuple[str, ...] = ()) -> Judged:
+    """What the table's distances and outcomes say."""
+    found = weigh.ranked(table, seed)
+    causes = tuple(
+        Cause(
+            factor=one.factor,
+            confidence=one.confidence,
+            rate=one.exposed,
+            detail=weigh.given(one, table),
+            remedy=WORDS.get(one.factor, ""),
+            spans=weigh.spans(one, table),
         )
-        return Judged(causes, tuple(found), (*reference.notes, *table.notes))
+        for one in found
+        if one.confidence > KEPT / 2
+    )
+    return Judged(causes, tuple(found), (*notes, *table.notes))

@@ -1,6 +1,6 @@
 """What one image says about each factor, as a few numbers, measured against a camera of the recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -22,10 +22,11 @@ NUMBERS: Mapping[Factor, tuple[tuple[str, float], ...]] = {
     "lighting": (("red", 0.04), ("green", 0.04), ("blue", 0.04), ("unevenness", 0.03)),
     "table": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.03)),
     "background": (("lightness", 3.0), ("red", 2.0), ("yellow", 2.0), ("contrast", 0.03), ("edges", 0.03)),
-    "distractor": (("area", 0.02),),
+    "distractor": (("area", 0.02), ("likeness to the target", 0.1)),
     "camera": (("right", 0.012), ("down", 0.012), ("scale", 0.05), ("turn", 0.035)),
 }  # fmt: skip
 MINE, STATIC = "manipulated", ("table", "background", "robot")
+UNLIKE = 30.0  # Lab units, lightness halved: a thing whose color is as far from the target's is not like it at all
 DARKEST = 0.06  # of the usual light: what is darker cannot be told from noise
 Seen = dict[Factor, Float64[np.ndarray, "k"]]
 
@@ -43,6 +44,7 @@ class SightCamera:
     given: tuple[
         things.Roster, ...
     ] = ()  # the same by the recordings' masks, without the one to act on
+    colors: tuple[Float32[np.ndarray, "3"], ...] = ()  # of the thing to act on, in Lab
 
 
 def stage(plate: ReferenceCamera) -> SightCamera:
@@ -59,6 +61,7 @@ def stage(plate: ReferenceCamera) -> SightCamera:
         made,
         rosters=tuple(roster(one, made) for one in plate.firsts),
         given=tuple(_given(one, made) for one in plate.firsts),
+        colors=tuple(_mine(one) for one in plate.firsts if one.mask(MINE).any()),
     )
 
 
@@ -72,6 +75,12 @@ def _others(first: First, within: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray
     mask = within & ~np.isin(first.ids, [0, *_known(first)])
     inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return _lab(first.image.astype(np.float32))[inner]
+
+
+def _mine(first: First) -> Float32[np.ndarray, "3"]:
+    """The color of the thing to act on in a recording's first frame."""
+    lab = _lab(first.image.astype(np.float32))
+    return np.asarray(np.median(lab[first.mask(MINE)], 0), np.float32)
 
 
 def _given(first: First, made: SightCamera) -> things.Roster:
@@ -125,9 +134,8 @@ def measured(
         if region.sum() >= 100:
             out[factor] = np.array([*np.median(lab[region], 0), *_pattern(lab, region)])  # type: ignore[index]
     target, strange = _things(lab, aligned, ids, roles, made, without)
-    out["distractor"] = np.array(
-        [np.sqrt(sum(one.mask.sum() for one in strange) / lab.shape[0] ** 2)]
-    )
+    area = np.sqrt(sum(one.mask.sum() for one in strange) / lab.shape[0] ** 2)
+    out["distractor"] = np.array([area, _likeness(strange, made)])
     if target is not None:
         out["object position"] = target.place.astype(np.float64)
         out["object color"] = target.color.astype(np.float64)
@@ -157,6 +165,16 @@ def _things(
     rest = [one for i, one in given.items() if i not in mine | static]
     usual = [one for k, one in enumerate(made.given) if k != without]
     return target, list(things.unknown(rest, usual))
+
+
+def _likeness(strange: Sequence[things.TableInstance], made: SightCamera) -> float:
+    """How much the color of something that no recording has is like the target's in them, 0 to 1."""
+    apart = [
+        np.linalg.norm((one.color - usual) * things.DARKENED)
+        for one in strange
+        for usual in made.colors
+    ]
+    return max(0.0, 1 - float(min(apart, default=UNLIKE)) / UNLIKE)
 
 
 def _camera(aligned: Aligned) -> Float64[np.ndarray, "4"]:

@@ -4,7 +4,8 @@ A policy that was not trained on blue tables fails beyond some difference, not i
 tried as one threshold on its distance from the recordings: the logarithm of the likelihood ratio of "fails at one rate
 beyond and at another within" against "fails at one rate" (Wilks 1938) says how much it explains. The best is taken, and
 the search goes on within its two halves, so that a second cause is not hidden by the first, and what merely goes along
-with the first explains nothing more. Confidence is a permutation test over the whole search (Westfall and Young 1993).
+with the first explains nothing more. Confidence comes of a permutation test over the whole search (Westfall and Young
+1993), whose p-value is turned into a probability (Sellke, Bayarri and Berger 2001).
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,6 +60,20 @@ def given(one: Measured, table: Table) -> str:
     beyond = f"beyond {one.threshold:.1f} standard deviations of the recordings"
     rates = f"{100 * one.exposed:.0f} % fail {beyond}, {100 * one.spared:.0f} % of the others"
     return f"{rates}; in failures (median, standard deviations): {parts}" if parts else rates
+
+
+def spans(one: Measured, table: Table) -> tuple[tuple[float, float], ...]:
+    """Low and high of each plain difference in the failures that the cause explains, a tenth of them left out at
+    either end."""
+    beyond = table.failed & (table.away[one.factor] > one.threshold)
+    if one.factor not in table.plain:
+        return ()
+    numbers = table.plain[one.factor][beyond]
+    numbers = numbers[np.isfinite(numbers).all(1)]
+    if not len(numbers):
+        return ()
+    low, high = np.quantile(numbers, (0.1, 0.9), axis=0)
+    return tuple(zip(low.tolist(), high.tolist(), strict=True))
 
 
 def _with_stand_ins(
@@ -138,7 +153,7 @@ def _confidence(
     strata: Int64[np.ndarray, "n"],
     rng: np.random.Generator,
 ) -> float:
-    """The share of shuffled outcomes (within strata) for which no factor reaches the gain."""
+    """How surely this is more than chance, by the share of shuffled outcomes (within strata) that reach the gain."""
     beyond = [found for _, found in splits.values() if len(found)]
     if not beyond or gain <= 0:
         return 0.0
@@ -147,7 +162,12 @@ def _confidence(
         rows = np.flatnonzero(strata == stratum)
         shuffled[:, rows] = rng.permuted(shuffled[:, rows], axis=1)
     best = _gain(np.concatenate(beyond), shuffled, strata).max(1)
-    return float(1 - (1 + (best >= gain - 1e-9).sum()) / (1 + SHUFFLES))
+    return surely(float(1 + (best >= gain - 1e-9).sum()) / (1 + SHUFFLES))
+
+
+def surely(p: float) -> float:
+    """The most that a p-value says for there being a cause, where either is as likely before: 0.8 is p = 0.026."""
+    return 1 / (1 - np.e * p * np.log(p)) if p < 1 / np.e else 0.0
 
 
 def _measured(

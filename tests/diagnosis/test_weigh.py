@@ -1,6 +1,7 @@
 """What explains failures comes first, what goes along with it does not, and chance is told from cause."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,8 +57,16 @@ def test_chance_is_no_cause() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         found = weigh.ranked(table(rng.random(COUNT) < 0.3, drawn(rng)), seed)
-        kept += found[0].confidence > 0.95
-    assert kept <= 4  # 1 is expected; 5 or more would happen once in 400 times
+        kept += found[0].confidence > KEPT
+    assert kept <= 3  # p < 0.026: a half is expected; 4 or more would happen once in 600 times
+
+
+def test_confidence_is_what_a_p_value_says_at_most() -> None:
+    """Sellke, Bayarri and Berger (2001), table 1: p = 0.05 leaves 0.289, 0.01 0.111, 0.001 0.0184 for chance."""
+    for p, chance in ((0.05, 0.289), (0.01, 0.111), (0.001, 0.0184)):
+        assert 1 - weigh.surely(p) == pytest.approx(chance, abs=0.001)
+    assert weigh.surely(0.026) == pytest.approx(KEPT, abs=0.01)
+    assert weigh.surely(0.4) == weigh.surely(1.0) == 0
 
 
 def test_recordings_stand_in_where_nothing_succeeded() -> None:
@@ -85,3 +94,15 @@ def test_delta_is_a_chance_less_its_opposite() -> None:
     assert weigh.delta([1, 2], [1, 2]) == 0
     assert weigh.delta([1.0, np.nan], [2.0]) == -1
     assert weigh.delta([], [1]) == 0
+
+
+def test_spans_are_of_the_failures_that_the_cause_explains() -> None:
+    rng = np.random.default_rng(5)
+    away = drawn(rng)
+    failed = away["camera"] > 4
+    plain = {name: np.where(far > 4, 0.2, 0.0)[:, None] for name, far in away.items()}
+    made = replace(table(failed, away), plain=plain)
+    first = weigh.ranked(made)[0]
+    ((low, high),) = weigh.spans(first, made)
+    assert low == high == 0.2
+    assert weigh.spans(first, table(failed, away)) == ()

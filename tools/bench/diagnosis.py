@@ -113,7 +113,7 @@ def _case(
     rng = np.random.default_rng([11, number, *(list(WEAK).index(one) for one in weak)])
     rows = rng.choice(len(table.names), count, replace=False)
     failed = acts.failed(rows, weak, rng)
-    found = weigh.ranked(_taken(table, rows, failed), number)
+    found = weigh.ranked(table.taken(rows, failed), number)
     return [one.factor for one in found], found[0].confidence, float(failed.mean())
 
 
@@ -121,14 +121,8 @@ def _by_chance(table: measure.Table, number: int, count: int) -> bool:
     """Whether a cause is kept where failures have none."""
     rng = np.random.default_rng([12, number])
     rows = rng.choice(len(table.names), count, replace=False)
-    found = weigh.ranked(_taken(table, rows, rng.random(count) < 0.3), number)
+    found = weigh.ranked(table.taken(rows, rng.random(count) < 0.3), number)
     return any(one.confidence > KEPT for one in found)
-
-
-def _taken(table: measure.Table, rows: np.ndarray, failed: np.ndarray) -> measure.Table:
-    away = {factor: found[rows] for factor, found in table.away.items()}
-    numbers = {factor: found[rows] for factor, found in table.numbers.items()}
-    return measure.Table(tuple(table.names[r] for r in rows), failed, away, numbers, table.usual)
 
 
 def _table(pool: list[Seen], usual: reference.Reference, masks: bool) -> measure.Table:

@@ -2,10 +2,10 @@
 
     python -m tools.bench.foreign.changed --recorded recorded/worked/robosuite.Lift/0 --changes changes.json --out truth
 
-`changes.json` has `frames` and `changes`, by name one of: `color` {id, rgb}; `cover` {ids, image, side}; `light` [ratio
-a channel]; `lamp` [towards it: the only lamp then]; `bumps` {camera: 4 x 4 in its frame}; `extras` [{id, points,
-normals, uv, faces, image, pose}]; or nothing. OUT gets an `.npz` for each, and `albedos.json`: by name and instance id,
-the display color of its surface before and after.
+`changes.json` has `frames` and `changes`, by name some of: `colors` [{id, rgb}]; `covers` [{ids, image, side}]; `light`
+[ratio a channel]; `lamp` [towards it: the only lamp then]; `bumps` {camera: 4 x 4 in its frame}; `extras` [{id, points,
+normals, uv, faces, image, pose}]; `sizes` [{id, factor}], each about its foot; `shifts` [{id, by}] in metres. OUT gets
+an `.npz` for each, and `albedos.json`: by name and instance id, the display color of its surface before and after.
 """
 
 import argparse
@@ -108,9 +108,44 @@ class Changed:
                 by_geom[geom] = old[covered]
                 model.geom_group[geom] = model.geom_group[kept[covered]]
                 model.geom_group[kept[covered]] = simulated.HIDDEN
-        if color := self.change.get("color"):
+        for color in self.change.get("colors", ()):
             self._paint(model, kept, color["id"], np.array(color["rgb"]))
+        for size in self.change.get("sizes", ()):
+            self._scale(model, kept, size["id"], size["factor"])
+        for shift in self.change.get("shifts", ()):
+            self._at(shift["id"])[:, :2] += shift["by"]
         return model, by_geom
+
+    def _scale(self, model: mujoco.MjModel, kept: np.ndarray, one: int, factor: float) -> None:
+        """One free body larger or smaller; what it stands on carries it as before."""
+        data = mujoco.MjData(self.plain)
+        simulated.restore(self.plain, data, self.states, 0)
+        geoms, lowest = self.geoms[one], np.inf
+        body = data.body(int(self.plain.geom_bodyid[geoms[0]]))
+        for geom in geoms:
+            points, _ = triangles(self.plain, geom)
+            turn = data.geom_xmat[geom].reshape(3, 3)
+            lowest = min(
+                lowest, (points.reshape(-1, 3) @ turn.T + data.geom_xpos[geom])[:, 2].min()
+            )
+        covered = {f"{COVER}{geom}" for geom in geoms}
+        laid = [geom for geom in range(model.ngeom) if model.geom(geom).name in covered]
+        own = np.array([*kept[geoms], *laid])
+        model.geom_size[own] *= factor
+        model.geom_pos[own] *= factor
+        for mesh in {int(model.geom_dataid[geom]) for geom in own} - {-1}:
+            first = model.mesh_vertadr[mesh]
+            model.mesh_vert[first : first + model.mesh_vertnum[mesh]] *= factor
+        self._at(one)[:, 2] += (factor - 1) * (body.xpos[2] - lowest)
+
+    def _at(self, one: int) -> np.ndarray:
+        """Where a free body stands in every state, (t, 3), to be written to."""
+        body = int(self.plain.geom_bodyid[self.geoms[one][0]])
+        joint = int(self.plain.body_jntadr[body])
+        if joint < 0 or self.plain.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+            raise ValueError(f"instance {one} hangs on something and cannot stand elsewhere")
+        first = int(self.plain.jnt_qposadr[joint])
+        return self.states["qpos"][:, first : first + 3]
 
     def _paint(self, model: mujoco.MjModel, kept: np.ndarray, one: int, rgb: np.ndarray) -> None:
         """One color where the instance has one, a tint of each of its colors where it has several or a picture."""
@@ -124,12 +159,10 @@ class Changed:
 
     def _covers(self) -> Iterator[tuple[int, "Mesh"]]:
         """The meshes that carry the picture, in their bodies' frames, by the geom that each takes the place of."""
-        cover = self.change.get("cover")
-        if not cover:
-            return
         data = mujoco.MjData(self.plain)
         simulated.restore(self.plain, data, self.states, 0)
-        for one in cover["ids"]:
+        by_id = {one: cover for cover in self.change.get("covers", ()) for one in cover["ids"]}
+        for one, cover in by_id.items():
             for geom in self.geoms[one]:
                 points, normals = triangles(self.plain, geom)
                 body = data.body(int(self.plain.geom_bodyid[geom]))

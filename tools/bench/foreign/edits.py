@@ -88,16 +88,11 @@ class Trial:
         look = self.looks[factor] = FACTORS[factor].change(start, names, value, rng)
         if factor.endswith("color") and factor != "light_color":
             self.targets[factor] = targets[:1]  # of several that are moved together, one
-            return {"color": {"id": targets[0], "rgb": look.tints[names[0]]}}
+            return {"colors": [{"id": targets[0], "rgb": look.tints[names[0]]}]}
         if factor.endswith("texture"):
             cover = look.covers[names[0]]
-            return {
-                "cover": {
-                    "ids": targets,
-                    "image": self._picture(factor, cover.image),
-                    "side": cover.side,
-                }
-            }
+            image = self._picture(factor, cover.image)
+            return {"covers": [{"ids": targets, "image": image, "side": cover.side}]}
         if factor == "light_color":
             return {"light": (np.array(look.light) / OLD_LIGHT).tolist()}
         if factor == "light_direction":

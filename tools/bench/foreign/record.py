@@ -23,20 +23,22 @@ def open_world(name: str) -> World:
     return importlib.import_module(f"tools.bench.foreign.worlds.{name}")  # type: ignore[return-value]
 
 
-def record(name: str, task: str, seed: int, folder: Path) -> bool:
-    """Record one episode, if the expert succeeds."""
+def record(
+    name: str, task: str, seed: int, folder: Path, frames: int = FRAMES, size: int = simulated.SIZE
+) -> bool:
+    """Record one episode, if the expert succeeds. Several `frames` are spread evenly; a single one is the start."""
     world = open_world(name)
     run = world.rollout(task, seed)
     if not run.success:
         return False
-    kept = np.unique(np.linspace(0, len(run.states) - 1, FRAMES).round().astype(int))
+    kept = np.unique(np.linspace(0, len(run.states) - 1, frames).round().astype(int))
     states = {key: np.stack([run.states[k][key] for k in kept]) for key in simulated.STATE}
     fresh = simulated.load(run.source, folder, world.hidden)
     things = simulated.shown(fresh, world.groups)
     ids = simulated.numbered(list(things), seed)
     edits = simulated.edits(run.model, fresh)
     model = simulated.apply(fresh, edits)
-    studio = simulated.Studio(model, by_geom(model, things, ids), world.groups)
+    studio = simulated.Studio(model, by_geom(model, things, ids), world.groups, size)
     reels = studio.film(states, world.cameras)
     studio.close()
     robot = {
@@ -48,7 +50,7 @@ def record(name: str, task: str, seed: int, folder: Path) -> bool:
     facts = {
         "world": name, "task": task, "seed": seed, "instruction": world.tasks[task].instruction,
         "model": "model.xml" if run.source.lstrip().startswith("<") else run.source,
-        "groups": world.groups, "steps": kept.tolist(),
+        "groups": world.groups, "steps": kept.tolist(), "studio": {"size": size},
         "ids": ids, "roles": roles(world, task, model, ids, states),
         "cameras": {key: vars(eye) for key, eye in world.cameras.items()},
     }  # fmt: skip
@@ -103,6 +105,9 @@ def main() -> None:
     parser.add_argument("--task", action="append", help="only these")
     parser.add_argument("--half", choices=neutral.HALVES, help="only this half of the tasks")
     parser.add_argument("--episodes", type=int, default=2)
+    parser.add_argument("--frames", type=int, default=FRAMES, help="of an episode; 1: its start")
+    parser.add_argument("--size", type=int, default=simulated.SIZE, help="pixels a side")
+    parser.add_argument("--first", type=int, default=0, help="the first seed tried")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     world = open_world(given.world)
@@ -111,11 +116,12 @@ def main() -> None:
         if given.half not in (None, half):
             continue
         done = 0
-        for seed in range(given.episodes * TRIES):
+        for seed in range(given.first, given.first + given.episodes * TRIES):
             folder = given.out / half / f"{given.world}.{task}" / str(seed)
             if done == given.episodes:
                 break
-            if (folder / "episode.json").exists() or record(given.world, task, seed, folder):
+            known = (folder / "episode.json").exists()
+            if known or record(given.world, task, seed, folder, given.frames, given.size):
                 done += 1
         print(f"{half} {given.world}.{task}: {done} of {given.episodes} episodes", flush=True)
 
