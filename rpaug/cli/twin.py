@@ -23,8 +23,8 @@ def record(
     factor: Annotated[
         str | None,
         typer.Option(
-            help="Truly change object_color, object_texture, light_color, lamp_color, light_direction, table_color, "
-            "table_texture, background_texture or camera_pose."
+            help="Truly change object_color, object_texture, object_finish, light_color, lamp_color, "
+            "light_direction, table_color, table_texture, background_texture or camera_pose."
         ),
     ] = None,
     target: Annotated[

@@ -32,6 +32,14 @@ def shelved(episode: Episode, most: int = MOST_BYTES) -> Episode:
     return replace(episode, views=views)
 
 
+def held(
+    made: Callable[[str, int], np.ndarray], most: int = MOST_BYTES
+) -> Callable[[str, int], np.ndarray]:
+    """What is made of a camera's frame, the latest kept that fit into so many bytes."""
+    image_cache = _Shelf(most)
+    return lambda name, t: image_cache.take((name, "made"), partial(made, name), t)
+
+
 class _Shelf:
     """Arrays by name and frame, the least recently asked for thrown out first."""
 

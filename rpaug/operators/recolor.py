@@ -25,7 +25,8 @@ class AlbedoRatio:
     What a pixel has beside that, texture's hues and noise, is scaled with its channel, but never up: where the old
     albedo returns little light it is noise and mirrored light rather than texture. Highlights stay where the surface is
     known to mirror; else, on a plain surface or one of a few `hues`, what of a pixel is white rather than albedo
-    (dichromatic model, Shafer 1985). Of a `part` only the pixels of these hues are painted.
+    (dichromatic model, Shafer 1985). A `metal` mirrors in its own color, so that all of a pixel changes. Of a `part`
+    only the pixels of these hues are painted.
     """
 
     instance_ids: frozenset[int]
@@ -34,6 +35,7 @@ class AlbedoRatio:
     plain: bool
     hues: tuple[tuple[float, float, float], ...] = ()
     part: tuple[int, ...] = ()  # of the hues: pixels of others stay
+    metal: bool = False
     scales: ClassVar[bool] = True  # light beyond white too
 
     @property
@@ -45,7 +47,9 @@ class AlbedoRatio:
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         old, new = np.array(self.old, np.float32), np.array(self.new, np.float32)
-        highlight = albedo.shine(color, surface, old, self.plain, self.hues)
+        highlight = np.zeros((len(color), 1), np.float32)
+        if not self.metal:
+            highlight = albedo.shine(color, surface, old, self.plain, self.hues)
         painted = _painted(color, highlight, old, new)
         if not self.part:
             return painted
@@ -202,7 +206,8 @@ def ratio(surface: Edit, new: tuple[float, float, float]) -> AlbedoRatio:
     hues = tuple(tuple(hue) for hue in surface.get("hues", ()))
     old = tuple(surface["albedo"])
     part = tuple(surface.get("part", ()))
-    return AlbedoRatio(frozenset([surface["handle"]]), old, new, surface["plain"], hues, part)
+    metal, own = surface.get("metal", False), frozenset([surface["handle"]])
+    return AlbedoRatio(own, old, new, surface["plain"], hues, part, metal)
 
 
 def named(edit: Edit) -> tuple[Painted, ...]:

@@ -41,6 +41,7 @@ def ratios(several: Sequence[Any], device: torch.device) -> Edited:
     old = torch.tensor([edit.old for edit in several], device=device)
     new = torch.tensor([edit.new for edit in several], device=device)
     plain = torch.tensor([edit.plain for edit in several], device=device)
+    metal = torch.tensor([edit.metal for edit in several], device=device)
     hues = _hues([edit.hues for edit in several], device)
     part = _table([edit.part for edit in several], device)
     own = old / (old**2).sum(1, keepdim=True).clamp(min=1e-6)
@@ -48,6 +49,7 @@ def ratios(several: Sequence[Any], device: torch.device) -> Edited:
 
     def edited(color: Color, which: Int64[Tensor, "n"], surface: Any) -> Color:
         shine = shone(color, surface, old[which], plain[which], hues[which])
+        shine = torch.where(metal[which][:, None], 0, shine)
         matte = color - shine
         shading = (matte * own[which]).sum(1, keepdim=True)
         painted = shading * new[which] + gain[which] * (matte - shading * old[which]) + shine

@@ -14,7 +14,7 @@ from rpaug.core.errors import RpaugError
 from rpaug.twin import textures
 from rpaug.twin.cameras import BUMPED
 from rpaug.twin.covers import Cover
-from rpaug.twin.look import Bump, Look
+from rpaug.twin.look import FINISHES, Bump, Look
 from rpaug.twin.staging import StagedTask
 from rpaug.twin.world import Vector, World
 
@@ -57,6 +57,14 @@ def texture(smallest: float, largest: float) -> "Change":
         return replace(look, covers={**look.covers, **dict.fromkeys(names, cover)})
 
     return change
+
+
+def object_finish(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
+    """Another finish for the named parts, one of `look.FINISHES`."""
+    finish = FINISHES[int(rng.integers(len(FINISHES)))] if value is None else value
+    if finish not in FINISHES:
+        raise RpaugError(f"no finish is called {finish!r}; there are: {', '.join(FINISHES)}")
+    return replace(look, finishes={**look.finishes, **dict.fromkeys(names, finish)})
 
 
 def light_color(look: Look, names: Names, value: Any, rng: np.random.Generator) -> Look:
@@ -136,6 +144,7 @@ class Factor:
 FACTORS: Mapping[str, Factor] = {
     "object_color": Factor(color(_DARKEST_TINT), ("manipulated",)),
     "object_texture": Factor(texture(0.08, 0.20), ("manipulated",)),
+    "object_finish": Factor(object_finish, ("manipulated",)),
     "light_color": Factor(light_color, None),
     "lamp_color": Factor(lamp_color, None),
     "light_direction": Factor(light_direction, None),

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -13,6 +13,11 @@ from rpaug.twin.world import Vector
 # At this brightness an upward face is lit to 1.0: a lamp that COLOSSEUM's light factor changes only gets darker,
 # so that OpenGL never clips the lit color and the truth is a plain ratio.
 LAMPS: Vector = (0.5, 0.5, 0.5)
+
+
+Finish = Literal["matte", "satin", "glossy", "metallic"]
+"""How a part mirrors lamps: metals in their own color."""
+FINISHES: tuple[Finish, ...] = get_args(Finish)
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,8 @@ class Look:
     None takes the recording's own seed. `covers` lays images on parts, by name; `lamps` says where
     the light comes from. `headlight` is the brightness of a lamp on the camera itself. Parts named in `absent` are not
     there; `scales` makes parts larger or smaller about their foot, `shifts` puts them elsewhere in their bodies.
-    `extras` are meshes that stand there as well.
+    `extras` are meshes that stand there as well. With `specular` all parts are satin; `finishes` says what others are,
+    by name.
     """
 
     tints: Mapping[str, Vector] = field(default_factory=dict)
@@ -87,13 +93,23 @@ class Look:
     scales: Mapping[str, float] = field(default_factory=dict)
     shifts: Mapping[str, Vector] = field(default_factory=dict)
     extras: tuple[Extra, ...] = ()
+    finishes: Mapping[str, Finish] = field(default_factory=dict)
+
+    def finish(self, part: str) -> Finish:
+        """That of a part."""
+        return self.finishes.get(part, "satin" if self.specular else "matte")
+
+    @property
+    def shines(self) -> bool:
+        """Whether anything mirrors lamps."""
+        return self.specular or any(one != "matte" for one in self.finishes.values())
 
     def describe(self) -> dict[str, Any]:
         """The fields as plain values; those from covers on only where they are not the usual ones."""
         facts = asdict(replace(self, extras=()))
         facts["absent"] = sorted(self.absent)
         facts["extras"] = [extra.describe() for extra in self.extras]
-        for name in ("absent", "scales", "shifts", "extras"):
+        for name in ("absent", "scales", "shifts", "extras", "finishes"):
             if not facts[name]:
                 del facts[name]
         if not self.covers:

@@ -1,5 +1,6 @@
 """The world as MuJoCo's XML, and the compiled model."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from xml.etree import ElementTree as Xml
 
@@ -10,11 +11,18 @@ from jaxtyping import Float, Int32
 from rpaug.core import geometry
 from rpaug.core.files import encode_png
 from rpaug.twin import covers
-from rpaug.twin.look import LAMPS, Extra, Look, TwinLamp
+from rpaug.twin.look import LAMPS, Extra, Finish, Look, TwinLamp
 from rpaug.twin.world import WHITE, Flex, Geom, Part, Print, TwinBody, Vector, World
 
 SKIN = 0.0015  # metres: half the thickness of a sheet
 SHINE = 1.2  # times its diffuse color: what a lamp's highlights show
+# Of each finish: MuJoCo's specular and shininess, and how much of its color is matte.
+FINISHED: Mapping[Finish, tuple[float, float, float]] = {
+    "matte": (0.0, 0.2, 1.0),
+    "satin": (0.5, 0.2, 1.0),
+    "glossy": (0.8, 0.4, 1.0),
+    "metallic": (0.8, 0.2, 0.4),
+}
 AMBIENT = 0.3  # display intensity, at the lamps' own brightness
 
 
@@ -39,7 +47,7 @@ def to_xml(world: World, look: Look, size: int) -> str:
     Xml.SubElement(root, "statistic", extent="1")
     ambient = AMBIENT * np.divide(look.light, LAMPS)
     carried = _text((look.headlight,) * 3)
-    shine = carried if look.specular else "0 0 0"
+    shine = carried if look.shines else "0 0 0"
     Xml.SubElement(visual, "headlight", ambient=_text(ambient), diffuse=carried, specular=shine)
     asset = Xml.SubElement(root, "asset")
     for name in world.textures:
@@ -79,6 +87,25 @@ def part_of_flexes(model: mujoco.MjModel, world: World) -> Int32[np.ndarray, "f"
     return np.array([world.handles[name] for name in names], np.int32)
 
 
+def metals(
+    model: mujoco.MjModel, world: World, look: Look
+) -> dict[tuple[float, float, float], set[int]]:
+    """Geoms of metal, by the color in which they mirror lamps. Pictures on them do not color that."""
+    color = {
+        f"{part.name}/{number}": np.multiply(look.tints.get(part.name, part.tint), geom.color)
+        for body in world.bodies
+        for part in body.parts
+        if look.finish(part.name) == "metallic"
+        for number, geom in enumerate(part.geoms)
+    }
+    found: dict[tuple[float, float, float], set[int]] = {}
+    for number in range(model.ngeom):
+        if model.geom(number).name in color:
+            red, green, blue = color[model.geom(number).name].tolist()
+            found.setdefault((red, green, blue), set()).add(number)
+    return found
+
+
 def _laid(world: World, look: Look) -> dict[str, covers.Cover | Print]:
     """The images laid on parts: what bends has one of its own."""
     parts = [part for body in world.bodies for part in body.parts]
@@ -88,15 +115,16 @@ def _laid(world: World, look: Look) -> dict[str, covers.Cover | Print]:
 
 def _add_flex(root: Xml.Element, asset: Xml.Element, part: Part, flex: Flex, look: Look) -> None:
     """A mesh whose vertices are put in place frame by frame."""
-    tint = look.tints.get(part.name, part.tint)
+    specular, shininess, matte = FINISHED[look.finish(part.name)]
+    tint = np.multiply(look.tints.get(part.name, part.tint), matte)
     Xml.SubElement(
         asset,
         "material",
         name=part.name,
         rgba=_text((*tint, 1)),
         texture=_cover(part.name),
-        specular="0.5" if look.specular else "0",
-        shininess="0.2",
+        specular=repr(specular),
+        shininess=repr(shininess),
     )
     group = root.find("deformable")
     element = Xml.SubElement(
@@ -175,7 +203,7 @@ def _add_lamp(scene: Xml.Element, lamp: TwinLamp, look: Look) -> None:
         pos=_text(1.4 * source + [0.2, 0, 0.8]),  # further away than all that casts shadows
         dir=_text(-source),
         diffuse=_text(color),
-        specular=_text(SHINE * color if look.specular else np.zeros(3)),
+        specular=_text(SHINE * color if look.shines else np.zeros(3)),
         castshadow="true" if look.shadows else "false",
     )
 
@@ -201,15 +229,16 @@ def _add_body(elements: dict[str | None, Xml.Element], body: TwinBody) -> Xml.El
 def _add_part(asset: Xml.Element, body: Xml.Element, part: Part, look: Look) -> None:
     cover = look.covers.get(part.name)
     tint = look.tints.get(part.name, WHITE if cover else part.tint)
+    specular, shininess, matte = FINISHED[look.finish(part.name)]
     for number, geom in enumerate(part.geoms):
         name = f"{part.name}/{number}"
         material = Xml.SubElement(
             asset,
             "material",
             name=name,
-            rgba=_text((*(tint if cover else np.multiply(tint, geom.color)), 1)),
-            specular="0.5" if look.specular else "0",
-            shininess="0.2",
+            rgba=_text((*np.multiply(matte, tint if cover else np.multiply(tint, geom.color)), 1)),
+            specular=repr(specular),
+            shininess=repr(shininess),
         )
         if cover:
             material.set("texture", _cover(part.name))

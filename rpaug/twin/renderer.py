@@ -50,6 +50,9 @@ class Renderer:
         self.model = mjcf.compile_model(world, look, size)
         self.data = mujoco.MjData(self.model)
         self._instance_ids = mjcf.part_of_geoms(self.model, world, look)
+        kind = int(mujoco.mjtObj.mjOBJ_GEOM)
+        metals = mjcf.metals(self.model, world, look).items()
+        self._metals = {color: {(kind, one) for one in group} for color, group in metals}
         self._soft = mjcf.part_of_flexes(self.model, world)
         still = {world.handles[p.name] for b in world.bodies for p in b.parts if not p.casts}
         self._no_casters = frozenset(
@@ -67,7 +70,7 @@ class Renderer:
         self._color = self._buffer(4 if look.antialias else 0)
         # Depth and ids must name one surface per pixel, so they never share a multisampled buffer.
         self._exact = self._buffer(0) if look.antialias else self._color
-        self._shine = self._shine_buffer(4 if look.antialias else 0) if look.specular else None
+        self._shine = self._shine_buffer(4 if look.antialias else 0) if look.shines else None
         self._rgb = np.empty((size, size, 3), np.uint8)
         self._depth = np.empty((size, size), np.float32)
 
@@ -165,15 +168,25 @@ class Renderer:
         return np.minimum(matte.astype(np.uint16) + shine, 255).astype(np.uint8)
 
     def _mirrored(self, context: mujoco.MjrContext) -> UInt8[np.ndarray, "h w 3"]:
-        """The lamps' highlights alone, of the lamps' color: no picture is laid over them."""
+        """The lamps' highlights alone, of the lamps' color and on metals of theirs: no picture is laid over them."""
         geoms = list(self._scene.geoms[: self._scene.ngeom])
-        kept = [one.matid for one in geoms]
-        for one in geoms:
-            one.matid = -1
-        drawn = self._drawn(context)
-        for one, matid in zip(geoms, kept, strict=True):
-            one.matid = matid
-        return drawn
+        kept = [(one.matid, one.specular) for one in geoms]
+        lights = list(self._scene.lights[: self._scene.nlight])
+        colors = [one.specular.copy() for one in lights]
+        metals = set().union(*self._metals.values())
+        groups = [((1.0, 1.0, 1.0), {*map(_named, geoms)} - metals), *self._metals.items()]
+        total = np.zeros(self._rgb.shape, np.uint16)
+        for color, group in groups:
+            for one, (_, specular) in zip(geoms, kept, strict=True):
+                one.matid, one.specular = -1, specular if _named(one) in group else 0.0
+            for light, own in zip(lights, colors, strict=True):
+                light.specular[:] = own * np.array(color, np.float32)
+            total += self._drawn(context)
+        for one, (matid, specular) in zip(geoms, kept, strict=True):
+            one.matid, one.specular = matid, specular
+        for light, own in zip(lights, colors, strict=True):
+            light.specular[:] = own
+        return np.minimum(total, 255).astype(np.uint8)
 
     def _drawn(self, context: mujoco.MjrContext) -> UInt8[np.ndarray, "h w 3"]:
         self._draw(context)
@@ -201,3 +214,8 @@ class Renderer:
         thing = self._scene.geoms[drawn]
         bends = thing.objtype == mujoco.mjtObj.mjOBJ_FLEX
         return int((self._soft if bends else self._instance_ids)[thing.objid])
+
+
+def _named(thing: mujoco.MjvGeom) -> tuple[int, int]:
+    """What a thing in OpenGL's list shows: its kind and number in the model."""
+    return thing.objtype, thing.objid

@@ -54,6 +54,15 @@ def test_lamps_are_colored_one_by_one_where_shadows_tell_them(light: edits.Light
 
 
 @pytest.mark.gl
+def test_what_the_task_moves_has_the_finish_that_is_asked_for() -> None:
+    setting = edits.EditSetting(light="highlights", finish="metallic", frames=13, size=16)
+    look = edits.recording(setting, twin.RIG, "push_button", 1).truth.new
+    assert look.finishes == {"button": "metallic"}
+    made = lights.table(setting, [row("object_color", TOLD, 50.0)], "")
+    assert (made.id, made.title[-17:]) == ("metallic", ", metallic things")
+
+
+@pytest.mark.gl
 def test_what_is_recorded_lies_in_that_light() -> None:
     setting = edits.EditSetting(light="both", lamps=2, frames=13, size=16)
     look = edits.recording(setting, twin.RIG, "push_button", 1).truth.new

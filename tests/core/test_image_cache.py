@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from rolling import demonstration
 
-from rpaug.core.image_cache import shelved
+from rpaug.core.image_cache import held, shelved
 
 
 def test_what_was_asked_for_last_is_kept() -> None:
@@ -25,3 +25,19 @@ def test_what_was_asked_for_last_is_kept() -> None:
     assert decoded == [0, 1, 2]
     kept.rgb(1)
     assert decoded == [0, 1, 2, 1]
+
+
+def test_what_is_made_of_a_frame_is_made_once_while_it_fits() -> None:
+    asked: list[tuple[str, int]] = []
+
+    def made(name: str, t: int) -> np.ndarray:
+        asked.append((name, t))
+        return np.full(10, t, np.uint8)
+
+    kept = held(made, most=20)
+    for name, t in (("a", 0), ("a", 0), ("b", 0), ("a", 0)):
+        np.testing.assert_array_equal(kept(name, t), np.full(10, t))
+    assert asked == [("a", 0), ("b", 0)]
+    kept("a", 1)
+    kept("b", 0)
+    assert asked == [("a", 0), ("b", 0), ("a", 1), ("b", 0)]

@@ -67,6 +67,19 @@ def test_noise_is_never_scaled_up() -> None:
     np.testing.assert_allclose(painted.mean(0), (0.3, 0.3, 0.8), atol=0.01)
 
 
+def test_what_a_metal_mirrors_takes_the_new_color_and_a_plastic_keeps_the_lamps() -> None:
+    old, new = np.array([0.8, 0.4, 0.1]), np.array([0.2, 0.4, 0.8])
+    light, shine = np.float32([[0.3], [0.5]]), np.float32([[0.2], [0.4]])
+    seen = SimpleNamespace(mirrored=(shine * old).astype(np.float32))
+    metal = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), True, metal=True)
+    painted = metal(((light + shine) * old).astype(np.float32), seen)
+    np.testing.assert_allclose(painted, (light + shine) * new, atol=1e-6)
+    seen = SimpleNamespace(mirrored=shine * np.ones(3, np.float32))
+    plastic = AlbedoRatio(frozenset({1}), tuple(old), tuple(new), True)
+    painted = plastic((light * old + shine).astype(np.float32), seen)
+    np.testing.assert_allclose(painted, light * new + shine, atol=1e-6)
+
+
 def test_each_part_of_a_thing_of_two_colors_keeps_its_highlight() -> None:
     light = np.linspace(0.2, 0.9, 200)[:, None]
     red, blue, new = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.2, 0.8]), np.array([0.5, 0.9, 0.7])

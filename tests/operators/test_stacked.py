@@ -96,6 +96,7 @@ def test_ratios(device: torch.device, mirrored: bool) -> None:
     blue = (0.1, 0.2, 0.9)
     edits = [
         AlbedoRatio(ONE, RED, blue, True),
+        AlbedoRatio(ONE, RED, blue, True, metal=True),
         AlbedoRatio(ONE, GREY, blue, True),  # too grey to tell highlights
         AlbedoRatio(ONE, WOOD, (1.0, 1.0, 1.0), False),
         AlbedoRatio(ONE, WOOD, blue, False, HUES),
@@ -103,7 +104,7 @@ def test_ratios(device: torch.device, mirrored: bool) -> None:
         AlbedoRatio(ONE, RED, (0.0, 0.0, 0.0), False, HUES[:2], (1,)),
     ]
     alike(edits, device, mirrored)
-    alike(edits[:3], device, mirrored)
+    alike(edits[:4], device, mirrored)
 
 
 @pytest.mark.parametrize("device", DEVICES)

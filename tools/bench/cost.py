@@ -52,11 +52,18 @@ def dataset(root: Path, episodes: int) -> Path:
 def measured(recipe: str, episodes: int, copies: int) -> tuple[float, float]:
     """Processor seconds and megabytes of a run."""
     with tempfile.TemporaryDirectory() as folder:
-        source, out = dataset(Path(folder, "in"), episodes), Path(folder, "out")
+        return augmented(recipe, dataset(Path(folder, "in"), episodes), copies)
+
+
+def augmented(recipe: str, source: Path, copies: int) -> tuple[float, float]:
+    """The same of a dataset."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "out")
         command = [sys.executable, "-m", "rpaug", "augment", str(source), "--recipe", recipe]
         command += ["--out", str(out), "--set", f"copies={copies}"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(command, check=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+        single = os.environ | {"OMP_NUM_THREADS": "1"}
+        subprocess.run(command, check=True, env=single, stdout=subprocess.DEVNULL)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return seconds, sum(path.stat().st_size for path in (out / GROUP).rglob("*")) / 1e6

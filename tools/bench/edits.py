@@ -13,6 +13,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from rpaug import twin
 from rpaug.cli.console import AsJson, guarded, print_json, warn
 from rpaug.cli.progress import progress_bar
 from rpaug.core.files import atomic_folder
@@ -34,6 +35,9 @@ def edits(
         measured.Light, typer.Option(help="Let the lamps cast shadows, be mirrored, or both.")
     ] = "plain",
     lamps: Annotated[int, typer.Option(min=1, max=3, help="How many there are.")] = 3,
+    finish: Annotated[
+        twin.Finish | None, typer.Option(help="Of what the task moves, under highlights.")
+    ] = None,
     gaussians: Annotated[
         bool, typer.Option(help="Also render fitted Gaussians alone: minutes a seed.")
     ] = False,
@@ -51,7 +55,7 @@ def edits(
 
     Example: [bold]python -m tools.bench.edits --factor object_color --seeds 10 --out edits[/]
     """
-    switches = {"antialias": antialias, "light": light, "lamps": lamps}
+    switches = {"antialias": antialias, "light": light, "lamps": lamps, "finish": finish}
     shape = {
         "seeds": seeds,
         "first_seed": first_seed,

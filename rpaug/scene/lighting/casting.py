@@ -6,6 +6,7 @@ inside the room. A pixel is a small disc across its normal, so that a surface do
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64
@@ -43,35 +44,54 @@ class Discs:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """All that may stand in a lamp's way, by instance id: discs, and the track that carries them into the world."""
+    """All that may stand in a lamp's way, by instance id: discs, and the track that carries them into the world.
+
+    What rests is drawn once for each lamp, and what moves over it at each time.
+    """
 
     parts: Mapping[int, tuple[Float64[np.ndarray, "t 4 4"], Discs]]
-    _kept: dict[tuple[int, Direction], "LightMap"] = field(default_factory=dict, repr=False)
+    _kept: dict[tuple[int | None, Direction], "LightMap"] = field(default_factory=dict, repr=False)
 
-    def at(self, t: int) -> Discs:
-        """Where they are at t."""
-        moved = [
-            Discs(
-                geometry.transform(pose[t], one.points).astype(np.float32),
-                one.normals @ pose[t, :3, :3].T.astype(np.float32),
-                one.width,
-            )
-            for pose, one in self.parts.values()
-        ]
-        return joined(moved)
+    @cached_property
+    def resting(self) -> Discs:
+        """Those that never move."""
+        return joined([_placed(pose[0], one) for pose, one in self.parts.values() if _rests(pose)])
+
+    def moving(self, t: int) -> Discs:
+        """Where the others are at t."""
+        there = [pose_one for pose_one in self.parts.values() if not _rests(pose_one[0])]
+        return joined([_placed(pose[t], one) for pose, one in there])
 
     def maps(self, t: int, directions: Sequence[Direction]) -> list["LightMap"]:
         """What lamps in these directions see of them at t; the last ones are kept."""
         found = {one: self._kept[t, one] for one in directions if (t, one) in self._kept}
         if len(found) < len(directions):
-            discs = self.at(t)
-            new = [one for one in directions if one not in found]
-            found |= {one: light_map(discs, np.array(one)) for one in new}
-            for one in new:
-                while len(self._kept) >= KEPT:
-                    self._kept.pop(next(iter(self._kept)), None)
-                self._kept[t, one] = found[one]
+            moving = self.moving(t)
+            for one in directions:
+                if one not in found:
+                    beneath = self._map(None, one, self.resting)
+                    found[one] = self._map(t, one, moving, beneath)
         return [found[one] for one in directions]
+
+    def _map(
+        self, t: int | None, direction: Direction, discs: Discs, over: "LightMap | None" = None
+    ) -> "LightMap":
+        key = t, direction
+        made = self._kept.get(key) or light_map(discs, np.array(direction), CELL, over)
+        while key not in self._kept and len(self._kept) >= KEPT:
+            self._kept.pop(next(iter(self._kept)), None)
+        self._kept[key] = made
+        return made
+
+
+def _rests(track: Float64[np.ndarray, "t 4 4"]) -> bool:
+    return bool((track == track[0]).all())
+
+
+def _placed(pose: Float64[np.ndarray, "4 4"], discs: Discs) -> Discs:
+    turn = pose[:3, :3].T.astype(np.float32)
+    points = geometry.transform(pose, discs.points).astype(np.float32)
+    return Discs(points, discs.normals @ turn, discs.width)
 
 
 @once
@@ -233,20 +253,34 @@ class LightMap:
         return _looked_up(at, self.origin, self.cell, self.height, CLOSE)
 
 
-def light_map(discs: Discs, direction: Float64[np.ndarray, "3"], cell: float = CELL) -> LightMap:
-    """What a lamp in that direction sees of the discs."""
+def light_map(
+    discs: Discs,
+    direction: Float64[np.ndarray, "3"],
+    cell: float = CELL,
+    over: LightMap | None = None,
+) -> LightMap:
+    """What a lamp in that direction sees of the discs, and of all that is drawn in another map along it."""
     frame = _frame(direction)
     at = (discs.points @ frame.T).astype(np.float32)
     turned = (discs.normals @ frame.T).astype(np.float32)
     if not len(at):
-        return LightMap(frame, np.zeros(2, np.float32), cell, np.zeros((1, 1), np.float32))
+        nothing = np.full((1, 1), -np.inf, np.float32)
+        return over or LightMap(frame, np.zeros(2, np.float32), cell, nothing)
     across, along = at.T[:2]  # by column: NumPy is slow over a long first axis
     # In whole cells, so that maps of more or fewer surfaces agree.
-    first = np.floor(np.array([across.min(), along.min()]) / cell) - 4
-    low = (cell * first).astype(np.float32)
-    high = np.array([across.max(), along.max()], np.float32)
-    columns, rows = np.clip(np.ceil((high - low) / cell).astype(int) + 6, 1, LARGEST)
+    first = np.floor(np.array([across.min(), along.min()]) / cell).astype(int) - 4
+    last = np.ceil(np.array([across.max(), along.max()]) / cell).astype(int) + 4
+    if over is not None:
+        begun = np.rint(over.origin / cell).astype(int)
+        first = np.minimum(first, begun)
+        last = np.maximum(last, begun + over.height.shape[::-1])
+    columns, rows = np.clip(last - first, 1, LARGEST)
     height = np.full((rows, columns), -np.inf, np.float32)
+    if over is not None:
+        left, below = begun - first
+        there = height[below:, left:][: over.height.shape[0], : over.height.shape[1]]
+        there[:] = over.height[: there.shape[0], : there.shape[1]]
+    low = (cell * first).astype(np.float32)
     _draw(at, turned, discs.width, low, cell, height)
     return LightMap(frame, low, cell, height)
 

@@ -34,6 +34,7 @@ BETTER = 0.9  # of its misfit under the common exponent, from which a thing has 
 STEPS: tuple[float, ...] = tuple(np.repeat(np.deg2rad([6.0, 3.0, 1.5, 0.75]), 2).tolist())
 SPREAD = 0.02  # of white: misfits beyond are robbed of weight
 PASSES = 4
+COLORED = 0.2  # radians from white: a color that is told from it
 DIM = 1e-3  # cosine of what faces away
 
 Logs = tuple[Float32[np.ndarray, "n"], Float32[np.ndarray, "n"]]
@@ -107,6 +108,24 @@ def _find(scene: Scene) -> Highlights | None:
     step = max(1, len(places.ids) // MANY)
     lamps = _MirrorFitter(places.every(step), [one[::step] for one in reached]).fitted(along)
     return None if lamps is None else Highlights(lamps, _finishes(places, lamps, reached), along)
+
+
+def metallic(scene: Scene, instance_id: int, albedo: tuple[float, float, float]) -> bool:
+    """Whether a thing mirrors lamps in its own color, as metals do: where it is told from white at all, and nearer to
+    the thing's than halfway."""
+    found = find(scene)
+    finish = None if found is None else found.finishes.get(instance_id)
+    if finish is None or max(finish.color) <= 0:
+        return False
+    white = (1.0, 1.0, 1.0)
+    own, apart = _between(finish.color, albedo), _between(albedo, white)
+    return apart > COLORED and own < apart / 2 and own < _between(finish.color, white)
+
+
+def _between(one: tuple[float, float, float], other: tuple[float, float, float]) -> float:
+    """The angle between two colors."""
+    cosine = np.dot(one, other) / (np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def matte(scene: Scene) -> Episode:

@@ -6,7 +6,7 @@ thing has the albedo that it has elsewhere. A camera that stands still sees a re
 is then the median over them, and what is left at each time is light (Weiss 2001), exact to the pixel.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.core import memo, sampling
+from rpaug.core.image_cache import held, shelved
 from rpaug.core.types import CameraView, Episode, Rig, Scene
 from rpaug.scene.lighting import casting, highlights, rig
 from rpaug.scene.recorded import lit
@@ -34,6 +35,7 @@ NEAR = 5  # pixels wide: neighbours that have the same light more often than not
 ROUNDS = 3  # of albedo and spread
 WELL_LIT = 0.98  # quantile of the light on a thing
 SOLID = 60  # pixels of a thing, from which its albedo is known
+MOST_BYTES = 64 << 20  # of images without shadows, and of their light, that are kept
 
 
 def share(scene: Scene, name: str, t: int) -> Float32[np.ndarray, "h w"] | None:
@@ -53,7 +55,7 @@ def _share(bare: Scene, lamps: Rig, name: str, t: int) -> Float32[np.ndarray, "h
     view = bare.episode.views[name]
     if view.depth is None or view.ids is None:
         return None
-    found = _by_light(bare, name, t, lamps)
+    found = _lights(bare, lamps)(name, t)
     if name not in _resting(bare, lamps):
         return found
     ids, lasting = _resting(bare, lamps)[name]
@@ -101,7 +103,7 @@ def _unshadowed(scene: Scene, lamps: Rig) -> Episode:
         name: replace(view, rgb=partial(rgb, name, view), radiance=None)
         for name, view in scene.episode.views.items()
     }
-    return replace(scene.episode, views=views)
+    return shelved(replace(scene.episode, views=views), MOST_BYTES)
 
 
 def best_light(scene: Scene, instance_id: int) -> float:
@@ -192,16 +194,20 @@ def _candidates(scene: Scene, name: str, t: int, lamps: Rig) -> _Candidates:
     maps = casting.casters(scene).maps(t, lamps.directions)
     reached = [one.reached(places) for one in maps]
     full = lamps.light(places.normals, [1.0] * len(reached))
-    sure = [_sure(one, (view.camera.height, view.camera.width)) for one in reached]
-    light, doubt = [], []
-    for state in product((1.0, 0.0), repeat=len(reached)):
-        light.append(np.log(lamps.light(places.normals, state) / full))
-        off = [np.abs(one - share) for one, share in zip(state, reached, strict=True)]
-        doubt.append(sum(much * one for much, one in zip(sure, off, strict=True)))
+    states = np.array(list(product((1.0, 0.0), repeat=len(reached))), np.float32)
+    light = (_apart(lamps, places.normals) @ states.T + np.float32(lamps.ambient)) / full[:, None]
+    sure = np.stack([_sure(one, (view.camera.height, view.camera.width)) for one in reached], 1)
+    share = np.stack(reached, 1)
+    doubt = (sure * (1 - share)) @ states.T + (sure * share) @ (1 - states).T
     walls = np.isin(view.ids(t), sorted(scene.roles.get("background", ()))).reshape(-1, 1)  # type: ignore[misc]
-    return _Candidates(
-        np.stack(light, 1), np.where(walls, UNSEEN, TRUST) * np.stack(doubt, 1), full
-    )
+    trust = np.where(walls, np.float32(UNSEEN), np.float32(TRUST))
+    return _Candidates(np.log(light), trust * doubt, full)
+
+
+def _apart(lamps: Rig, normals: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n l"]:
+    """The light of each lamp on surfaces that it reaches."""
+    towards = np.maximum(normals @ np.array(lamps.directions, np.float32).T, 0)
+    return towards * np.array(lamps.strengths, np.float32)
 
 
 def _sure(reached: Float32[np.ndarray, "n"], shape: tuple[int, int]) -> Float32[np.ndarray, "n"]:
@@ -211,18 +217,25 @@ def _sure(reached: Float32[np.ndarray, "n"], shape: tuple[int, int]) -> Float32[
     return np.where(alike, AWAY, 1).astype(np.float32).reshape(-1)
 
 
-def _by_light(scene: Scene, name: str, t: int, lamps: Rig) -> Float32[np.ndarray, "h w"]:
+@memo.last
+def _lights(scene: Scene, lamps: Rig) -> Callable[[str, int], Float32[np.ndarray, "h w"]]:
+    """`_by_light` of an image; the last ones are kept for further copies."""
+    return held(partial(_by_light, scene, lamps), MOST_BYTES)
+
+
+def _by_light(scene: Scene, lamps: Rig, name: str, t: int) -> Float32[np.ndarray, "h w"]:
     """The share by the lights that are possible, each pixel with its neighbours."""
     view = scene.episode.views[name]
     ids, level = view.ids(t), _level(view.rgb(t))  # type: ignore[misc]
     seen = _candidates(scene, name, t, lamps)
     albedos = _albedos(scene, lamps)
-    known, spread = np.full(ids.shape, np.nan, np.float32), np.ones(ids.shape, np.float32)
-    for one in np.unique(ids).tolist():
-        if one in albedos:
-            known[ids == one], spread[ids == one] = albedos[one].level, albedos[one].spread
+    shown, where = np.unique(ids, return_inverse=True)
+    nothing = _Surfaces(np.nan, 1.0, 1.0)
+    each = [albedos.get(one, nothing) for one in shown.tolist()]
+    known = np.array([one.level for one in each], np.float32)[where.reshape(ids.shape)]
+    spread = np.array([one.spread for one in each], np.float32)[where.reshape(-1, 1)]
     off = (level - known).reshape(-1, 1) - seen.light
-    fits = np.where(np.isnan(off), 0, _misfit(off, spread.reshape(-1, 1)))
+    fits = np.where(np.isnan(off), 0, _misfit(off, spread))
     cost = (fits + seen.doubt).reshape(*ids.shape, -1).astype(np.float32)
     chosen = _with_neighbours(cost, ids).argmin(-1)
     light = np.take_along_axis(seen.light.reshape(cost.shape), chosen[..., None], -1)[..., 0]
@@ -254,9 +267,7 @@ def _with_neighbours(
     pure = lit.inside(ids)
     size = (NEAR, NEAR)
     weight = cv2.boxFilter(pure.astype(np.float32), -1, size)
-    around = np.stack(
-        [cv2.boxFilter(np.where(pure, one, 0), -1, size) for one in np.moveaxis(cost, -1, 0)], -1
-    )
+    around = cv2.boxFilter(np.where(pure[..., None], cost, np.float32(0)), -1, size)
     mean = around / np.maximum(weight, 1e-6)[..., None]
     return np.where(weight[..., None] > 0, cost + mean, cost)
 
@@ -273,7 +284,7 @@ def _resting(scene: Scene, lamps: Rig) -> Mapping[str, tuple[np.ndarray, np.ndar
         ids = np.stack([view.ids(t) for t in times])
         still = ~np.isin(ids, sorted(scene.moving)) & (ids > 0)
         first = np.take_along_axis(ids, still.argmax(0)[None], 0)[0]
-        light = np.stack([_by_light(scene, name, t, lamps) for t in times])
+        light = np.stack([_lights(scene, lamps)(name, t) for t in times])
         own = np.stack([_level(view.rgb(t)) for t in times]) - np.log(light)
         own = np.where(still & (ids == first), own, np.nan)
         seen = ~np.isnan(own).all(0)

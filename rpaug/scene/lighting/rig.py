@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from rpaug.core import memo, sampling
+from rpaug.core.jit import kernel
 from rpaug.core.types import Camera, CameraView, Episode, Rig, Scene
 from rpaug.scene.lighting import casting
 from rpaug.scene.recorded import lit
@@ -231,12 +232,13 @@ def _sample(scene: Scene) -> _Samples:
 class _Fitter:
     def __init__(self, scene: Scene, samples: _Samples) -> None:
         self._samples = samples
-        self._casters = casting.casters(scene)
+        casters, places = casting.casters(scene), samples.places
+        self._resting = _in_cells(casters.resting)
         self._by_time = []
         for t in np.unique(samples.time):
-            rows, fine = np.flatnonzero(samples.time == t), self._casters.at(int(t))
-            coarse = casting.thinned(fine, COARSE)
-            self._by_time.append((rows, {casting.CELL: fine, COARSE: coarse}))
+            rows, moving = np.flatnonzero(samples.time == t), casters.moving(int(t))
+            own = casting.Discs(places.points[rows], places.normals[rows], places.width[rows])
+            self._by_time.append((rows, own, _in_cells(moving)))
 
     def fitted(self) -> Rig | None:
         axes = upper_half()
@@ -282,9 +284,9 @@ class _Fitter:
         """What a lamp in that direction gives each sample, were its strength 1."""
         places = self._samples.places
         out = np.maximum(places.normals @ direction.astype(np.float32), 0)
-        for rows, discs in self._by_time:
-            own = casting.Discs(places.points[rows], places.normals[rows], places.width[rows])
-            out[rows] *= casting.light_map(discs[cell], direction, cell).reached(own)
+        resting = casting.light_map(self._resting[cell], direction, cell)
+        for rows, own, moving in self._by_time:
+            out[rows] *= casting.light_map(moving[cell], direction, cell, resting).reached(own)
         return out
 
     def _weigh(self, terms: list[np.ndarray], passes: int = PASSES) -> tuple[list[float], float]:
@@ -297,8 +299,7 @@ class _Fitter:
         trust = np.ones(len(samples.level))
 
         def centred(value):
-            total = np.bincount(samples.owner, trust, count)
-            return value - (np.bincount(samples.owner, trust * value, count) / total)[samples.owner]
+            return _centred(value, samples.owner, count, trust)
 
         for _ in range(passes):
             light = 1 + basis @ weights
@@ -307,11 +308,34 @@ class _Fitter:
             off = centred(samples.level - np.log(light))
             if not terms:
                 continue
-            slope = np.stack([centred(one) for one in (basis / light[:, None]).T], 1)
+            slope = np.stack([centred(one / light) for one in basis.T], 1)
             normal = slope.T @ (trust[:, None] * slope) + 1e-6 * np.eye(len(terms))
             weights = np.clip(weights + np.linalg.solve(normal, slope.T @ (trust * off)), 0.0, 20.0)
         off = centred(samples.level - np.log(1 + basis @ weights))
         return weights.tolist(), float(np.log1p((off / SPREAD) ** 2).mean())
+
+
+def _in_cells(discs: casting.Discs) -> dict[float, casting.Discs]:
+    """Discs for maps of fine and of coarse cells."""
+    return {casting.CELL: discs, COARSE: casting.thinned(discs, COARSE)}
+
+
+@kernel
+def _centred(
+    value: Float64[np.ndarray, "n"],
+    owner: Int64[np.ndarray, "n"],
+    count: int,
+    trust: Float64[np.ndarray, "n"],
+) -> Float64[np.ndarray, "n"]:
+    """Values less the weighted mean of those with the same owner."""
+    total, weight = np.zeros(count), np.zeros(count)
+    for n in range(len(value)):
+        total[owner[n]] += trust[n] * value[n]
+        weight[owner[n]] += trust[n]
+    out = np.empty(len(value))
+    for n in range(len(value)):
+        out[n] = value[n] - total[owner[n]] / weight[owner[n]]
+    return out
 
 
 def around(direction: np.ndarray, step: float) -> list[np.ndarray]:

@@ -18,7 +18,7 @@ from rpaug.core import memo, sampling
 from rpaug.core.errors import SourceLacks, Unsupported
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Episode, Scene
-from rpaug.scene.lighting import albedo, intrinsic
+from rpaug.scene.lighting import albedo, highlights, intrinsic
 from rpaug.scene.recorded import surface
 
 RGB = tuple[float, float, float]
@@ -141,7 +141,13 @@ def describe(scene: Scene, instance_ids: Iterable[int], known: RGB | None = None
     surfaces = [dict(one) for one in found["surfaces"]]
     if known is None:
         surfaces = [one | {"albedo": fully_lit(scene, one)} for one in surfaces]
+    surfaces = [one | ({"metal": True} if _metal(scene, one) else {}) for one in surfaces]
     return found | {"surfaces": surfaces}
+
+
+def _metal(scene: Scene, surface: Mapping[str, Any]) -> bool:
+    red, green, blue = surface["albedo"]
+    return highlights.metallic(scene, surface["handle"], (red, green, blue))
 
 
 def fully_lit(scene: Scene, surface: Mapping[str, Any]) -> list[float]:

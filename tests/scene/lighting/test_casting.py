@@ -50,9 +50,29 @@ def test_maps_of_one_time_are_drawn_once_and_are_those_drawn_anew():
     found = them.maps(3, lamps)
     assert all(a is b for a, b in zip(them.maps(3, lamps), found, strict=True))
     for one, direction in zip(found, lamps, strict=True):
-        anew = casting.light_map(them.at(3), np.array(direction))
+        anew = casting.light_map(them.resting, np.array(direction))
         assert one.height.tobytes() == anew.height.tobytes()
     assert them.maps(3, lamps[1:]) == found[1:]  # one lamp's does not hang on the others
+
+
+def test_what_moves_is_drawn_over_what_rests():
+    still = np.broadcast_to(np.eye(4), (4, 4, 4))
+    moving = still.copy()
+    moving[:, 0, 3] = 0.05 * np.arange(4)
+    lid = plate(0.1, 0.1)
+    them = casting.Casters({1: (still, plate(0.0, 0.6)), 2: (moving, lid)})
+    direction = (0.6, 0.0, 0.8)
+    for t in range(4):
+        there = casting.Discs(lid.points + np.float32([0.05 * t, 0, 0]), lid.normals, lid.width)
+        both = casting.joined([them.resting, there])
+        (made,) = them.maps(t, (direction,))
+        anew = casting.light_map(both, np.array(direction))
+        np.testing.assert_allclose(made.height, anew.height, atol=1e-6)
+        np.testing.assert_array_equal(made.origin, anew.origin)
+    beyond = casting.light_map(
+        there, np.array(direction), over=casting.light_map(lid, np.array(direction))
+    )
+    assert beyond.height.shape[1] > casting.light_map(lid, np.array(direction)).height.shape[1]
 
 
 def test_only_the_last_maps_are_kept():

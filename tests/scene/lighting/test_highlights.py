@@ -42,6 +42,17 @@ def test_metals_mirror_in_a_color_of_their_own():
     assert blue / red == pytest.approx(0.2, abs=0.1)
 
 
+@pytest.mark.parametrize("color", [(1.0, 0.6, 0.2), (0.6, 0.6, 0.6)])
+def test_a_metal_is_told_by_the_color_that_it_mirrors_in(color):
+    seen = shining(color)
+    found = highlights.find(seen)
+    assert found is not None
+    ground = max(found.finishes, key=lambda one: sum(found.finishes[one].color))
+    assert highlights.metallic(seen, ground, (0.5, 0.3, 0.1)) == (color == (1.0, 0.6, 0.2))
+    assert not highlights.metallic(seen, ground, (0.1, 0.3, 0.5))
+    assert not highlights.metallic(seen, ground, (0.5, 0.5, 0.5))  # grey: not told from white
+
+
 def test_a_matte_recording_stays_as_it_was():
     plain = scene(EYES, length=LENGTH)
     assert highlights.find(plain) is None

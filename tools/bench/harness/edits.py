@@ -49,6 +49,7 @@ class EditSetting:
     antialias: bool = False
     light: Light = "plain"
     lamps: int = len(twin.RIG)
+    finish: twin.Finish | None = None  # of what the task moves
     gaussians: bool = False  # a fit of its own for each seed
     eyes: perceptual.Eyes = field(default_factory=perceptual.Eyes)  # networks that judge too
 
@@ -225,7 +226,8 @@ def recording(
         shadows=setting.light in ("shadows", "both"),
         specular=setting.light in ("highlights", "both"),
     )
-    return twin.perform(task, seed, look=look, frames=setting.frames, size=setting.size)
+    finished = {"factor": "object_finish", "value": setting.finish} if setting.finish else {}
+    return twin.perform(task, seed, look=look, frames=setting.frames, size=setting.size, **finished)
 
 
 Holes = Mapping[str, Bool[np.ndarray, "h w"]]

@@ -52,11 +52,12 @@ def table(setting: EditSetting, rows: Sequence[EditRow], command: str) -> pages.
         )
     columns = ["factor", "given", "best 2D baseline", "estimated"]
     columns += ["best 2D baseline, estimated", "processor s", "seeds refused"]
+    finish = f", {setting.finish} things" if setting.finish else ""
     tasks = {row.seed: row.task for row in rows}
     seeds = ", ".join(f"{seed} ({task})" for seed, task in sorted(tasks.items()))
     return pages.Table(
-        id=setting.light,
-        title=f"dB in the changed region {TITLES[setting.light]}",
+        id=setting.finish or setting.light,
+        title=f"dB in the changed region {TITLES[setting.light]}{finish}",
         command=command,
         seeds=f"seeds {seeds}, {setting.frames} frames, five cameras",
         columns=columns,
