@@ -14,7 +14,7 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 demo: $(VENV)/.installed
-	rm -rf demo-output
+	rm -rf demo-output demo-output-preview.html
 	$(BIN)/rpaug demo --out demo-output
 
 test: check unit wheel
@@ -64,4 +64,4 @@ test-ray: $(VENV)/.installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/pipeline/test_cluster.py
 
 clean:
-	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) build dist demo-output demo-output-preview.html *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

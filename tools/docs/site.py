@@ -119,8 +119,8 @@ def operator_page(name: str, body: str) -> str:
 
 
 _WORDS = (
-    "*exact*: 40 dB or more in the pixels that change; *good*: 28 or more; *rough*: less. *2D*: the best edit of each "
-    "image alone. [How this is measured](../index.md#how-near-the-truth)."
+    "*exact*: 40 dB or more in the pixels that change; *good*: 28 or more; *rough*: less; *no*: refused, or no better "
+    "than no edit. *2D*: the best edit of each image alone. [How this is measured](../index.md#how-near-the-truth)."
 )
 
 
