@@ -32,7 +32,7 @@ CANDIDATES = (
         "{op: distractors, count: 2, probability: 0.5}",
     ),
     (
-        "lamps from warm to cool, never near darkness",
+        "lamps of other tints, dimmer and brighter, never near darkness",
         "{op: light_color, range: [[0.36, 0.36, 0.33], [0.5, 0.5, 0.5]], probability: 0.5}",
     ),
     (
