@@ -9,12 +9,13 @@ BIN := $(VENV)/bin
 
 $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || python3 -m venv $(VENV)
+	@echo "installing torch and what rpaug needs into $(VENV): some minutes, once"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$(TORCH)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
 	touch $@
 
 demo: $(VENV)/.installed
-	rm -rf demo-output
+	rm -rf demo-output demo-output-preview.html
 	$(BIN)/rpaug demo --out demo-output
 
 test: check unit wheel
@@ -64,4 +65,4 @@ test-ray: $(VENV)/.installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/pipeline/test_cluster.py
 
 clean:
-	rm -rf $(VENV) build dist demo-output *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) build dist demo-output demo-output-preview.html *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

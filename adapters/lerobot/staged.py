@@ -71,7 +71,7 @@ def _lent(own: Path, schema: Any) -> tuple[Path, int, list[str]] | None:
     try:
         place, number, names = json.loads(data)
         path = _dataset(own) / place
-        usable = ".." not in path.parts and path.is_relative_to(_dataset(own))
+        usable = tables.below(path, _dataset(own))
         if usable and isinstance(number, int) and all(isinstance(name, str) for name in names):
             files.see_inside(_dataset(own), path)
             return path, number, names

@@ -92,7 +92,7 @@ class Info:
         template = self.given.get("video_path" if more else "data_path")
         if all(isinstance(value, int) and 0 <= value < 2**31 for value in where.values()):
             path = self.folder / filled(str(template)[:200], {**where, **more})
-            if ".." not in path.parts and path.is_relative_to(self.folder):
+            if below(path, self.folder):
                 files.see_inside(self.folder, path)
                 return path
         found, expected = f"{template!s:.60}, {where}", "a file of the dataset"
@@ -105,6 +105,11 @@ class Info:
     def shape(self, key: str) -> tuple[int, ...]:
         """Shape of one value of a feature."""
         return tuple(self.features[key]["shape"])
+
+
+def below(path: Path, folder: Path) -> bool:
+    """Whether a path that a file of the dataset states stays in the folder; the folder's own may go up."""
+    return path.is_relative_to(folder) and ".." not in path.relative_to(folder).parts
 
 
 def in_version(given: Mapping[str, Any], version: str) -> dict[str, Any]:

@@ -11,7 +11,10 @@ from rpaug.cli.console import guarded
 from rpaug.core.version import __version__
 
 COMMANDS = {
-    "demo": ("demo", "Augment the sample that ships, as a look at what rpaug does: half a minute."),
+    "demo": (
+        "demo",
+        "Augment the sample that ships, as a look at what rpaug does: less than a minute.",
+    ),
     "augment": (
         "augment",
         "Write edited copies of a dataset's episodes, in the format they came in.",

@@ -8,8 +8,10 @@ import typer
 
 from rpaug.cli.augment import augment
 from rpaug.cli.console import AsJson, say
+from rpaug.cli.preview import preview
 
 OUT = "rpaug-demo"
+RECIPE = "demo"
 
 
 def demo(
@@ -17,21 +19,27 @@ def demo(
         Path | None,
         typer.Option(help=f"New folder to write; {OUT} if not given.", show_default=False),
     ] = None,
+    open_: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the preview in the browser.")
+    ] = True,
     as_json: AsJson = False,
 ) -> int:
-    """Augment the sample that ships, as a look at what rpaug does: half a minute.
+    """Augment the sample that ships, as a look at what rpaug does: less than a minute.
+
+    Ends by opening a preview of the same edits where somebody sits at a screen.
 
     Example: [bold]rpaug demo[/]
     """
     from rpaug.core import registry
 
     target = out or _free()
-    if not as_json:
-        say(f"$ rpaug augment sample --recipe demo --out {target}")
-    code = augment(registry.SAMPLE, "demo", str(target), as_json=as_json)
-    if not as_json:
-        say("open that page in a browser; to try edits yourself: rpaug preview sample --serve")
-    return code
+    if as_json:
+        return augment(registry.SAMPLE, RECIPE, str(target), as_json=True)
+    say(f"$ rpaug augment sample --recipe {RECIPE} --out {target}")
+    code = augment(registry.SAMPLE, RECIPE, str(target))
+    page = target.with_name(f"{target.name}-preview.html")
+    say(f"$ rpaug preview sample --recipe {RECIPE} --out {page}")
+    return max(code, preview(registry.SAMPLE, RECIPE, page, open_=open_))
 
 
 def _free() -> Path:

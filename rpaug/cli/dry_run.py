@@ -18,7 +18,7 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     from rpaug.pipeline.augment import check
 
     check(run, resume)
-    planned, failed = 0, dict[str, str]()
+    planned, failed, known = 0, dict[str, str](), list[str]()
     total = {"seconds": plan.SECONDS_START, "megabytes": 0.0}
     with TemporaryFile("w+") as plans:
         for at, key in enumerate(run.keys):
@@ -38,7 +38,8 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
             if as_json:
                 plans.write(f"{',' if planned > 1 else ''}\n{json.dumps(one)}")
             else:
-                _tell(one, [str(region) for region in made.regions if region.met is not None])
+                regions = [str(region) for region in made.regions if region.met is not None]
+                known = _tell(one, regions, known)
         rounded = {name: round(value, 1) for name, value in total.items()}
         if as_json:
             _print(plans, len(run.copies), failed, rounded)
@@ -47,16 +48,22 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     return 2 if not planned else 1 if failed else 0
 
 
-def _tell(one: Mapping[str, Any], regions: list[str]) -> None:
-    """What becomes of one episode."""
+def _tell(one: Mapping[str, Any], regions: list[str], known: list[str]) -> list[str]:
+    """What becomes of one episode, without the lines that the one before had too. Returns all its lines."""
     representations = ", ".join(sorted(set(one["carriers"].values())))
     bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
     about = "about {seconds:.1f} s, {megabytes:.1f} MB".format(**one["estimate"])
     say(f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}")
-    for line in [*regions, *one.get("assumed", [])]:
+    assumed, warnings = list(one.get("assumed", [])), list(one.get("warnings", []))
+    for line in regions:
         say(f"  {line}")
-    for line in one.get("warnings", []):
-        warn("  warning", line)
+    for line in assumed:
+        if line not in known:
+            say(f"  {line}")
+    for line in warnings:
+        if line not in known:
+            warn("  warning", line)
+    return [*assumed, *warnings]
 
 
 def _sum_up(

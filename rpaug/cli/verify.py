@@ -59,7 +59,8 @@ def verify(
             console.print(line, highlight=False, soft_wrap=True)
         for name, figures in verdict.statistics.items():
             if figures:
-                say(f"{name}: " + ", ".join(f"{key} {value:.1f}" for key, value in figures.items()))
+                told = ", ".join(f"{key} {value:.0f}" for key, value in figures.items())
+                say(f"images of the {name.removeprefix('rgb, ')}, mean of 0 to 255: {told}")
         outcome = "as it should be" if verdict.passed else "something is wrong"
         looked = "all frames" if verdict.frames is None else f"{verdict.frames} frames"
         say(

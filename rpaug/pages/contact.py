@@ -58,7 +58,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     parts = [_section(adapter, read, target, key, picked[key]) for key in keys if key in picked]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
-        f"<h1>{len(keys)} episodes, {len(picked)} augmented ones shown</h1>{_where_others_are(keys, picked)}"
+        f"<h1>{len(keys)} episode{'s' * (len(keys) != 1)}, {len(picked)} augmented ones shown</h1>"
+        f"{_where_others_are(keys, picked)}"
         f"{facts(_facts(summary))}{LEGEND}{''.join(parts)}"
         f"<h2>Recipe</h2><details><summary>as YAML</summary><pre tabindex=0>{_yaml(summary['recipe'])}</pre></details>"
     )
@@ -125,7 +126,9 @@ def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
         ("skipped", len(summary.get("failures", {}))),
         ("seconds", f"{sum(summary.get('seconds', {}).values()):.0f}"),
     ]
-    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in changed.items())
+    shares = ", ".join(
+        f"{name} {100 * share:.{0 if share >= 0.01 else 1}f} %" for name, share in changed.items()
+    )
     return [*found, ("pixels changed", shares)] if shares else found
 
 

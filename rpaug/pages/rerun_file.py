@@ -17,6 +17,9 @@ TIMELINE = "frame"
 
 def write(space: Space, path: Path, most: int = MOST_POINTS) -> int:
     """Write all frames to a new `.rrd` file and return how many they are. Raises BadInput, MissingExtra."""
+    if path.suffix != ".rrd":
+        expected = "a name that ends in .rrd; `rpaug scenes export` writes .ply and .spz"
+        raise BadInput(path, "--rerun", found=repr(path.suffix), expected=expected)
     if path.exists():
         raise BadInput(path, "--rerun", found="a file", expected="a new one")
     rr = _rerun()

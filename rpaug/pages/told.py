@@ -9,7 +9,7 @@ from rpaug.core import color_space
 
 Edit = Mapping[str, Any]
 Fields = Mapping[str, Any]
-WARM = 1.06  # red over blue of a light's gain from which it is warmer, and its inverse cooler
+TINTED = 1.06  # red over blue of a light's gain, or green over both, from which it has another tint
 NOTHING: Mapping[int, str] = {}
 MOST = 3  # numbers of a list that are shown
 
@@ -80,16 +80,24 @@ def _old(edit: Edit) -> str:
 
 
 def _light(_: Fields, edit: Edit) -> str:
-    red, _green, blue = edit["gain"]
     level = 100 * (float(np.mean(edit["gain"])) - 1)
-    tint = red / max(blue, 1e-6)
-    hue = "warmer" if tint > WARM else "cooler" if tint < 1 / WARM else "of the same tint"
     which = (
         f"{len(edit['colored'])} of {len(edit['lamps']['now']['directions'])} "
         if "colored" in edit
         else ""
     )
-    return f"{which}lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {hue}"
+    return f"{which}lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {_tint(edit)}"
+
+
+def _tint(edit: Edit) -> str:
+    red, green, blue = np.maximum(edit["gain"], 1e-6)
+    beside = ((red / blue, "warmer", "cooler"), (green / np.sqrt(red * blue), "greener", "pinker"))
+    words = [
+        more if ratio > TINTED else less
+        for ratio, more, less in beside
+        if max(ratio, 1 / ratio) > TINTED
+    ]
+    return " and ".join(words) or "of the same tint"
 
 
 def _lamp(_: Fields, edit: Edit) -> str:

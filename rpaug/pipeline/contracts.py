@@ -1,23 +1,23 @@
 """Contracts that operators and adapters are held to: subclass one in your own tests and pytest runs it.
 
 class TestMine(rpaug.OperatorContract):
-    def operator(self): return MyOperator(strength=0.5)
-    def scene(self): return my_small_scene()
+    def operator(self): return MyOperator(target=rpaug.Target(role="manipulated"))
 """
 
 import json
 from dataclasses import FrozenInstanceError, fields
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from rpaug.compose import views
-from rpaug.core import phrases
+from rpaug.core import phrases, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.interfaces import Adapter, Added, Edit, Operator, Painted
 from rpaug.core.types import CameraView, Effect, Episode, Scene
-from rpaug.pipeline import plan
+from rpaug.pipeline import plan, prepare, python_api
 
 IMAGES = {Effect.RGB: "rgb", Effect.DEPTH: "depth", Effect.MASK: "ids"}
 
@@ -36,8 +36,14 @@ def same(first: CameraView, second: CameraView, kind: str, t: int) -> bool:
     return bool(np.array_equal(one(t), other(t)))
 
 
+@cache
+def _sample() -> Scene:
+    """The sample that ships, with its bodies and roles."""
+    return prepare.found_instances(python_api.read(registry.SAMPLE), ()).scene()
+
+
 class OperatorContract:
-    """What every operator promises. Override `operator` and `scene`; `frames` says which frames are compared."""
+    """What every operator promises. Override `operator`; `frames` says which frames are compared."""
 
     frames = (0,)
 
@@ -46,8 +52,8 @@ class OperatorContract:
         raise RpaugError("override operator()")
 
     def scene(self) -> Scene:
-        """A small scene it works on."""
-        raise RpaugError("override scene()")
+        """A scene it works on: the sample that ships, unless you override this."""
+        return _sample()
 
     def _edit(self, scene: Scene, seed: int = 0) -> Edit:
         return self.operator().sample(scene, np.random.default_rng(seed))

@@ -1,5 +1,6 @@
 """A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -31,7 +32,7 @@ CANDIDATES = (
         "{op: distractors, count: 2, probability: 0.5}",
     ),
     (
-        "lamps from warm to cool, never near darkness",
+        "lamps of other tints, dimmer and brighter, never near darkness",
         "{op: light_color, range: [[0.36, 0.36, 0.33], [0.5, 0.5, 0.5]], probability: 0.5}",
     ),
     (
@@ -41,6 +42,7 @@ CANDIDATES = (
 )
 TRIED, LOOKED_AT = 4, 5  # draws that gates judge, and frames of each
 FEW = 3  # edits
+STATIC, REJECTED = "camera: static", "gates would reject"
 WIDTH = 118  # columns of a comment
 
 
@@ -52,6 +54,9 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
     lines, usable, reasons = list[str](), 0, list[str]()
     for words, entry in CANDIDATES:
         reason = _lacking(episode, entry)
+        if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
+            lines += _comment(f"other cameras stay: {reason}", "  # ")
+            entry, reason = fewer, None
         if reason is None:
             usable += 1
             lines += [f"  # {words}", f"  - {entry}"]
@@ -112,7 +117,24 @@ def _lacking(episode: Episode, entry: str) -> str | None:
     failed = [one[0] for one in found if one]
     if len(failed) <= TRIED // 2:
         return None
-    return f"gates would reject {len(failed)} of {TRIED} draws: {failed[0]}"
+    return f"{REJECTED} {len(failed)} of {TRIED} draws: {failed[0]}"
+
+
+def _fewer_cameras(episode: Episode, entry: str, reason: str) -> str | None:
+    """The edit of those fixed cameras alone whose draws gates keep, where they reject most of all cameras at once."""
+    if STATIC not in entry or not reason.startswith(REJECTED):
+        return None
+    fixed = [name for name, view in episode.views.items() if view.camera.fixed]
+    kept = [name for name in fixed if _lacking(episode, _of_cameras(entry, [name])) is None]
+    for some in (kept, kept[:1]):  # each by itself may pass where all at once do not
+        if some and _lacking(episode, fewer := _of_cameras(entry, some)) is None:
+            return fewer
+    return None
+
+
+def _of_cameras(entry: str, names: list[str]) -> str:
+    """The edit of these cameras alone."""
+    return entry.replace(STATIC, f"camera: {json.dumps(names)}")
 
 
 def _faults(scene: Scene, plan: Plan, recipe: Recipe, copy: int) -> list[str]:

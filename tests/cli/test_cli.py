@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -243,10 +242,8 @@ def test_colons_are_no_pictures(template: Path, tmp_path: Path, recipe: Path) ->
     assert "--ratio a:b:" in err
 
 
-def test_the_slurm_array_of_the_documents_runs_as_written(template: Path, tmp_path: Path) -> None:
-    page = Path(__file__).parents[2] / "docs/scale.md"
-    script, *_ = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
-    (tmp_path / "array.sh").write_text(script)
+def test_the_slurm_array_of_the_examples_runs_as_written(template: Path, tmp_path: Path) -> None:
+    script = Path(__file__).parents[2] / "examples/slurm_array.sh"
     shutil.copytree(template, tmp_path / "data/train/open_drawer")
     light = {"version": 1, "copies": 2, "edits": [{"op": "light_color"}]}
     (tmp_path / "recipe.yaml").write_text(json.dumps(light))
@@ -254,7 +251,7 @@ def test_the_slurm_array_of_the_documents_runs_as_written(template: Path, tmp_pa
     env = os.environ | {"SLURM_ARRAY_TASK_COUNT": "2", "SLURM_CPUS_PER_TASK": "1", "PATH": path}
     for number in ("1", "2", "2"):  # the last is put in the queue again
         given = env | {"SLURM_ARRAY_TASK_ID": number}
-        subprocess.run(["bash", "array.sh"], cwd=tmp_path, env=given, check=True)
+        subprocess.run(["bash", script], cwd=tmp_path, env=given, check=True)
     command = "rpaug merge augmented augmented.parts/* --json"
     done = subprocess.run(
         ["bash", "-c", command], cwd=tmp_path, env=env, check=True, capture_output=True

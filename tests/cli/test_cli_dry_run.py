@@ -36,6 +36,24 @@ def test_unreadable_episodes_and_other_parts_do_not_count(dataset: Path, tmp_pat
     assert (code, json.loads(out)["plans"]) == (2, [])
 
 
+def test_what_is_assumed_of_one_episode_after_the_other_is_said_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    known = list[str]()
+    for key, assumed in (("a", ["a level support", "77 px"]), ("b", ["a level support", "80 px"])):
+        one = {
+            "episode": key,
+            "frames": 3,
+            "carriers": {"front": "tier 0"},
+            "bodies": False,
+            "estimate": {"seconds": 1, "megabytes": 1},
+            "assumed": assumed,
+        }
+        known = dry_run._tell(one, [], known)
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert [line.split(":")[0] for line in lines] == ["a", "a level support", "77 px", "b", "80 px"]
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_memory_does_not_grow_with_the_episodes(
     as_json: bool, monkeypatch: pytest.MonkeyPatch

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rpaug.pages.session import Session
@@ -42,6 +42,7 @@ SHOWN = st.lists(
 )
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(SHOWN, st.lists(st.integers(0, LENGTH - 1), min_size=1, unique=True))
 def test_what_any_frame_shows_has_a_number(shown: list[list[int]], frames: list[int]) -> None:
     numbers = session()._numbers(made(shown), frames)

@@ -89,3 +89,18 @@ def test_where_shadows_were_cast_anew_is_said():
         "removed: instance 3 (its shadow on the table goes along)",
         "removed: instance 3",
     ]
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"),
+    [
+        ([0.79, 1.11, 0.85], "lamps 8 % dimmer, cooler and greener"),
+        ([0.865, 1.008, 0.841], "lamps 10 % dimmer, greener"),
+        ([1.2, 1.0, 1.2], "lamps 13 % brighter, pinker"),
+        ([0.9, 0.8, 0.7], "lamps 20 % dimmer, warmer"),
+        ([0.5, 0.5, 0.5], "lamps 50 % dimmer, of the same tint"),
+    ],
+)
+def test_a_light_is_called_by_what_it_looks_like(gain, words):
+    drawn = {"op": "light_color", "fields": {}, "edit": {"gain": gain}}
+    assert told.draw(drawn) == words

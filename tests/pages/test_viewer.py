@@ -134,6 +134,8 @@ def test_a_recording_for_rerun_is_whole_and_never_overwritten(
         assert name in printed
     with pytest.raises(BadInput, match=r"a\.rrd: --rerun: found a file; expected a new one"):
         rerun_file.write(recorded, path)
+    with pytest.raises(BadInput, match=r"a\.ply: --rerun: found '\.ply'; expected .*scenes export"):
+        rerun_file.write(recorded, tmp_path / "a.ply")
 
 
 def test_a_missing_package_names_its_extra(

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 import signal
 import socket
@@ -166,12 +165,11 @@ def test_without_ray_the_extra_is_named() -> None:
     assert "pip install 'rpaug[cluster]'" in done.stderr
 
 
-def as_written(word: str, template: Path, folder: Path) -> None:
-    """The script of the documents that holds a word as `job.sh` in a folder, and the dataset and recipe it names."""
-    page = Path(__file__).parents[2] / "docs/scale.md"
-    scripts = re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
-    (script,) = (one for one in scripts if word in one)
-    (folder / "job.sh").write_text(script)
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def as_named(template: Path, folder: Path) -> None:
+    """The dataset and recipe that the examples' scripts name."""
     shutil.copytree(template, folder / "data/train/open_drawer")
     (folder / "recipe.yaml").write_text(json.dumps(RECIPE))
 
@@ -182,9 +180,9 @@ exec "$@"
 """
 
 
-def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path: Path) -> None:
+def test_the_slurm_job_of_the_examples_runs_as_written(template: Path, tmp_path: Path) -> None:
     """Both nodes on this machine, which `ray start` has for several."""
-    as_written("srun", template, tmp_path)
+    as_named(template, tmp_path)
     for name, text in {"srun": SRUN, "scontrol": "#!/bin/bash\necho 127.0.0.1\n"}.items():
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)
@@ -192,7 +190,11 @@ def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path
     given = {"SLURM_JOB_ID": "4711", "SLURM_NNODES": "2", "SLURM_CPUS_PER_TASK": "1"}
     env = os.environ | given | {"SLURM_JOB_NODELIST": "n[1-2]", "PATH": path}
     run = subprocess.Popen(
-        ["bash", "job.sh"], cwd=tmp_path, env=env, start_new_session=True, stdout=subprocess.DEVNULL
+        ["bash", EXAMPLES / "slurm_ray.sh"],
+        cwd=tmp_path,
+        env=env,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
     )
     try:
         assert run.wait() == 0
@@ -202,12 +204,12 @@ def test_the_slurm_job_of_the_documents_runs_as_written(template: Path, tmp_path
     assert shown(tmp_path / "augmented") == contents(tmp_path / "one")
 
 
-def test_the_job_of_the_documents_runs_as_submitted(
+def test_the_job_of_the_examples_runs_as_submitted(
     template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To a cluster of one node with Ray's dashboard, which takes jobs."""
     pytest.importorskip("aiohttp_cors", reason="ray without its dashboard: no `ray[default]`")
-    as_written("ray job submit", template, tmp_path)
+    as_named(template, tmp_path)
     port = free_port()
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     monkeypatch.setenv("RAY_API_SERVER_ADDRESS", f"http://127.0.0.1:{port}")
@@ -217,7 +219,7 @@ def test_the_job_of_the_documents_runs_as_submitted(
     try:
         while subprocess.run(ready, capture_output=True).returncode:
             time.sleep(1)  # until the dashboard has found the node
-        subprocess.run(["bash", "job.sh"], cwd=tmp_path, check=True)
+        subprocess.run(["bash", EXAMPLES / "ray_job.sh"], cwd=tmp_path, check=True)
         named = shown_in_the_dashboard(f"http://127.0.0.1:{port}")
     finally:
         head.shutdown()

@@ -77,3 +77,20 @@ def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.Monke
     made = starter.text(episode, {})
     assert "# not here: far: gates would reject" in made
     assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
+
+
+def test_where_gates_reject_all_cameras_at_once_the_others_are_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[-1],))
+
+    def faults(scene: object, plan: object, made: recipe.Recipe, copy: int) -> list[str]:
+        (option,) = made.steps[0].options
+        given = option.operator.camera  # type: ignore[attr-defined]
+        return ["torn"] if given == "static" or "overhead" in given else []
+
+    monkeypatch.setattr(starter, "_faults", faults)
+    made = starter.text(rpaug.read("sample"), {})
+    assert 'camera: ["front", "left_shoulder", "right_shoulder"]' in made
+    assert "# other cameras stay: gates would reject 4 of 4 draws: torn" in made
+    assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1

@@ -17,7 +17,8 @@ def test_a_cell_says_the_figure_of_its_page_and_the_word_of_its_size() -> None:
     shown = pages.plain(table.find("table_color", "estimated"))
     assert str(cell) == f"**exact** [{shown} dB](docs/benchmarks/appearance.md)"
     words = {
-        float(x): word for word, x in re.findall(r"\*\*(\w+)\*\* \[([\d.]+) dB", overview.table())
+        float(x): word
+        for word, x in re.findall(r"\*\*(exact|good|rough)\*\* \[([\d.]+) dB", overview.table())
     }
     assert len(words) > 15
     for value, word in words.items():
@@ -38,4 +39,13 @@ def test_every_row_is_an_operator_and_what_needs_depth_is_refused_without() -> N
     for name, cells in overview.ROWS.items():
         assert len(cells) == len(overview.COLUMNS)
         if registry.operator(name).needs.depth:
-            assert cells[-1] == overview.NO
+            assert cells[overview.COLUMNS.index("color alone")] == overview.NO
+
+
+def test_an_edit_that_is_no_better_than_none_is_a_no() -> None:
+    (table,) = (one for one in pages.load("photographed").tables if one.id == "middle")
+    unedited = pages.plain(table.find("lamp's direction", "unedited, dB"))
+    said = str(overview.photographed("lamp's direction", table="middle"))
+    assert said.startswith("**no** [")
+    assert said.endswith(f", no better than no edit ({unedited})")
+    assert str(overview.photographed("lamps' color", table="middle")).startswith("**good** [")

@@ -25,6 +25,7 @@ ROOT_PAGES = {
     "CONTRIBUTING.md": "contributing.md",
     "SECURITY.md": "security.md",
     "tools/bench/wishes/written.md": "wishes.md",
+    "examples/README.md": "examples/index.md",
 }
 NAVIGATION: Mapping[str, tuple[str, ...]] = {
     "Start": (
@@ -33,6 +34,7 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
         "commands.md",
         "preview.md",
         "python.md",
+        "examples/index.md",
     ),
     "Recipes": (
         "recipes.md",
@@ -119,8 +121,8 @@ def operator_page(name: str, body: str) -> str:
 
 
 _WORDS = (
-    "*exact*: 40 dB or more in the pixels that change; *good*: 28 or more; *rough*: less. *2D*: the best edit of each "
-    "image alone. [How this is measured](../index.md#how-near-the-truth)."
+    "*exact*: 40 dB or more in the pixels that change; *good*: 28 or more; *rough*: less; *no*: refused, or no better "
+    "than no edit. *2D*: the best edit of each image alone. [How this is measured](../index.md#how-near-the-truth)."
 )
 
 
@@ -147,8 +149,11 @@ def _led(text: str) -> str:
     """Links to what lies elsewhere on the site: sections of operators.md have pages of their own."""
     names = "|".join(registry.operator_names())
     text = re.sub(rf"\]\(((?:\.\./)*)operators\.md#({names})\)", r"](\1operators/\2.md)", text)
-    text = text.replace("](../../../docs/", "](").replace(
-        "](../../tools/bench/wishes/written.md)", "](../wishes.md)"
+    text = text.replace("](../examples/glow/)", "](examples/glow/glow.py)")
+    text = (
+        text.replace("](../examples/", "](examples/")
+        .replace("](../../../docs/", "](")
+        .replace("](../../tools/bench/wishes/written.md)", "](../wishes.md)")
     )
     return text.replace("](../why/)", "](../why/index.md)")
 
@@ -173,7 +178,10 @@ def build(out: Path, staged: Path) -> None:
     from mkdocs.config import load_config
 
     shutil.rmtree(staged, ignore_errors=True)
-    shutil.copytree(ROOT / "docs", staged, ignore=shutil.ignore_patterns("*.md", "results"))
+    for folder, place in ((ROOT / "docs", staged), (ROOT / "examples", staged / "examples")):
+        shutil.copytree(
+            folder, place, ignore=shutil.ignore_patterns("*.md", "results", "__pycache__")
+        )
     here = Path(__file__)
     for file in (ROOT / "CITATION.cff", here.with_suffix(".css"), here.with_suffix(".js")):
         shutil.copy(file, staged)

@@ -126,12 +126,14 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
         wanted = frozenset([target.handle] if isinstance(target.handle, int) else target.handle)
         if wanted - scene.instance_ids:
             raise TargetError(
-                f"{target}: no such instance {_numbers(wanted - scene.instance_ids)}; {_there_is(_rows(scene))}"
+                f"{target}: no such instance {_numbers(wanted - scene.instance_ids)}; {_there_is(_rows(scene), scene)}"
             )
         return wanted
     if target.role is not None:
         if target.role not in scene.roles:
-            raise TargetError(f"{target}: {why(scene, target.role)}; {_there_is(_rows(scene))}")
+            raise TargetError(
+                f"{target}: {why(scene, target.role)}; {_there_is(_rows(scene), scene)}"
+            )
         found = scene.roles[target.role]
     else:
         found = by_words(scene, target)
@@ -212,7 +214,7 @@ class _Finder:
         if phrase.spatial:
             found = self._placed(phrase, found)
         if not found:
-            raise TargetError(f"{self._stated}: nothing fits; {_there_is(self._rows)}")
+            raise TargetError(f"{self._stated}: nothing fits; {_there_is(self._rows, self._scene)}")
         return found
 
     def _owned(self, phrase: Phrase) -> Phrase:
@@ -266,7 +268,7 @@ class _Finder:
         if found:
             return found, False
         if reason and phrase.color is None:
-            raise TargetError(f"{self._stated}: {reason}; {_there_is(self._rows)}")
+            raise TargetError(f"{self._stated}: {reason}; {_there_is(self._rows, self._scene)}")
         # What the instruction calls so is known, and has another color: no other thing is meant.
         other = self._named_only and any(one.scope for one in meanings) and not reason
         if meanings and (phrase.color is None or settled or other):
@@ -306,7 +308,8 @@ class _Finder:
             if not own:
                 raise TargetError(
                     f"{self._stated}: the instruction names no {noun}, and without a model its color alone would tell "
-                    f"it ('the {phrase.color} thing' takes whatever is {phrase.color}); {_there_is(self._rows)}"
+                    f"it ('the {phrase.color} thing' takes whatever is {phrase.color}); "
+                    f"{_there_is(self._rows, self._scene)}"
                 )
             if phrase.color not in [one.color for one in own] and (
                 rival := colored_so(phrase.color, self._scene.descriptions)
@@ -404,7 +407,7 @@ class _Finder:
             raise TargetError(
                 f"{self._stated}: {noun!r} is no role, no shape and not in the instruction: such nouns need a detector"
                 f" (--models text=NAME; the extra rpaug[words] brings synonyms). Roles: {', '.join(roles.NAMES)}; "
-                f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows)}"
+                f"shapes: {', '.join(sorted(shapes.WORDS))}; {_there_is(self._rows, self._scene)}"
             )
         return found
 
@@ -412,7 +415,9 @@ class _Finder:
         """What has that role and the phrase's color, as one thing."""
         known = self._scene.roles.get(role)
         if not known:
-            raise TargetError(f"{self._stated}: {why(self._scene, role)}; {_there_is(self._rows)}")
+            raise TargetError(
+                f"{self._stated}: {why(self._scene, role)}; {_there_is(self._rows, self._scene)}"
+            )
         return self._of_color(phrase, [known & self._scene.instance_ids])
 
     def _movable(self) -> list[InstanceSummary]:
@@ -508,5 +513,10 @@ def _list(rows: Iterable[InstanceSummary]) -> str:
     return "; ".join(map(str, rows))
 
 
-def _there_is(rows: Sequence[InstanceSummary]) -> str:
-    return f"there is: {_list(rows)}" if rows else "there is no instance at all"
+def _there_is(rows: Sequence[InstanceSummary], scene: Scene) -> str:
+    by_color = agreement.photographed(scene) and not scene.names
+    models = f"; {_BY_WORDS}" if by_color else ""
+    return f"there is: {_list(rows)}{models}" if rows else "there is no instance at all"
+
+
+_BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"

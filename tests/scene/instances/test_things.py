@@ -66,7 +66,9 @@ def test_a_thing_has_one_handle_in_all_cameras() -> None:
 def test_two_things_of_one_color_are_asked_about(scene) -> None:
     with pytest.raises(TargetError, match="no role, no shape"):
         find(scene, Target(text="the carrot"))
-    with pytest.raises(TargetError, match="nothing fits"):
+    with pytest.raises(
+        TargetError, match=r"nothing fits; .*or outlines that you draw, tell things"
+    ):
         find(scene, Target(text="the purple thing"))
 
 
