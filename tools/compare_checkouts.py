@@ -1,7 +1,7 @@
 """Run two checkouts on the same datasets and recipes and compare what they write, byte by byte.
 
     python tools/compare_checkouts.py BEFORE [AFTER] [--work DIR] [--only NAME] [--json]
-    python tools/compare_checkouts.py BEFORE AFTER --timing 5
+    python tools/compare_checkouts.py BEFORE AFTER --timing 5 [--only NAME]
 
 BEFORE and AFTER are roots of checkouts, each with its own `.venv` as `make` makes it. RPAUG_TEST_DATA names the
 folder of real recordings. Each pair of a dataset and a recipe is written to DIR/before and DIR/after. The output of
@@ -10,11 +10,12 @@ outputs of BEFORE are made and kept.
 
 Compared are exit codes, the skipped and the rejected episodes, and every file. `rpaug.json` and `rpaug.summary.json`
 hold seconds, and are compared as JSON without them. Contact sheet, dataset card and the wording of messages are made
-for people: their differences are listed and do not count.
+for people, and the journal holds processes and times: their differences are listed and do not count.
 
 Exit code: 0 the same, 1 something differs, 2 a checkout could not run.
 
---timing measures the main job instead: one real episode, one recolor, one copy, one worker, on both checkouts in turn.
+--timing measures one pair instead, on both checkouts in turn, one worker each: the main job (one real episode, one
+recolor, one copy) unless --only names another.
 """
 
 import argparse
@@ -142,7 +143,7 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Difference:
-    """What differs in one place; `counts` is false for what is made for people."""
+    """What differs in one place; `counts` is false for what is made for people, and for the journal."""
 
     where: str
     what: str
@@ -152,7 +153,7 @@ class Difference:
 # Comparing two outputs
 
 TIMED = {"rpaug.json", "rpaug.summary.json"}
-PAGES = {"rpaug.contact.html", "README.md"}
+UNCOUNTED = {"rpaug.contact.html", "README.md", "rpaug.journal.jsonl"}
 SENTENCES = {"failures", "rejected", "warnings", "faults", "assumed", "error", "aborted"}
 IMAGES = {".png", ".jpg", ".jpeg"}
 SHOWN = 5  # differences of a pair that are printed
@@ -183,7 +184,7 @@ def _file_differs(before: Path, after: Path, name: str) -> Iterator[Difference]:
     what = f"{len(left)} bytes before, {len(right)} after"
     if Path(name).suffix.lower() in IMAGES:
         what += f"; {_pixels_differ(before / name, after / name)}"
-    yield Difference(name, what, counts=name not in PAGES)
+    yield Difference(name, what, counts=name not in UNCOUNTED)
 
 
 def _values_differ(
@@ -377,15 +378,15 @@ def compared(before: Side, after: Side, pair: Pair, inputs: Path) -> dict[str, A
     }
 
 
-def timed(before: Side, after: Side, inputs: Path, runs: int) -> dict[str, Any]:
-    """The main job on both in turn, after one run each that fills the caches: medians, and after over before."""
+def timed(before: Side, after: Side, pair: Pair, inputs: Path, runs: int) -> dict[str, Any]:
+    """A pair on both in turn, after one run each that fills the caches: medians, and after over before."""
     taken: dict[str, list[tuple[float, float]]] = {"before": [], "after": []}
     for turn in range(runs + 1):
         for name, side in (("before", before), ("after", after)):
-            out = side.outputs / "main_job"
+            out = side.outputs / "timed"
             shutil.rmtree(out, ignore_errors=True)
-            with (side.outputs / "main_job.log").open("wb") as log:
-                command = side.command(MAIN_JOB, "main_job", inputs)
+            with (side.outputs / "timed.log").open("wb") as log:
+                command = side.command(pair, "timed", inputs)
                 code, *figures = measured(command, side.outputs, side.environment, log)
             if code != 0:
                 _stop(f"{name}: exit code {code}; {log.name} says why")
@@ -407,7 +408,7 @@ def main() -> int:
     parser.add_argument("after", type=Path, nargs="?")
     parser.add_argument("--work", type=Path, default=Path("bench-output/compare"))
     parser.add_argument("--only", action="append", help="Names of pairs; all by default.")
-    parser.add_argument("--timing", type=int, metavar="N", help="Measure the main job N times.")
+    parser.add_argument("--timing", type=int, metavar="N", help="Measure one pair N times.")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     work = arguments.work.resolve()
@@ -415,14 +416,15 @@ def main() -> int:
     after = Side.of(arguments.after, work / "after") if arguments.after else None
     inputs = work / "inputs"
     _lay_out(inputs, before.checkout)
-    if arguments.timing:
-        result = timed(before, after or before, inputs, arguments.timing)
-        print(json.dumps(result, indent=1) if arguments.json else _timing_table(result))
-        return 0
     unknown = set(arguments.only or ()) - {pair.name for pair in PAIRS}
     if unknown:
         _stop(f"--only {', '.join(sorted(unknown))}: no such pair")
     pairs = [pair for pair in PAIRS if not arguments.only or pair.name in arguments.only]
+    if arguments.timing:
+        pair = pairs[0] if arguments.only else MAIN_JOB
+        result = timed(before, after or before, pair, inputs, arguments.timing)
+        print(json.dumps(result, indent=1) if arguments.json else _timing_table(result))
+        return 0
     if after is None:
         for pair in pairs:
             done = prepared(before, pair, inputs)
@@ -446,7 +448,7 @@ def _line(result: dict[str, Any]) -> str:
     seconds = "{before} s, {after} s".format(**result["seconds"])
     word = "same" if result["same"] else "DIFFERS"
     lines = [f"{word:8}{result['pair']:18}{result['files']:5} files   {seconds}"]
-    for counts, label in ((True, "differs"), (False, "for people")):
+    for counts, label in ((True, "differs"), (False, "does not count")):
         found = [one for one in result["differences"] if one["counts"] is counts]
         lines += [f"    {label}: {one['where']}: {one['what']}" for one in found[:SHOWN]]
         if len(found) > SHOWN:

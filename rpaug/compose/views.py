@@ -60,10 +60,11 @@ Watch = Callable[[RenderedFrame], None]
 @dataclass(frozen=True)
 class Stands:
     """What is known of a camera that stands as it was recorded, each worked out when it is asked for: its images over
-    time, and how its pictures are made."""
+    time, how its pictures are made, and what edits found of the places that it shows, if it is fixed."""
 
     pool: Callable[[], pooled.Pool]
     grain: Callable[[], grain.Grain | None]
+    places: surface.KnownPlaces | None
 
 
 def edited(
@@ -102,7 +103,9 @@ def edited(
     for name in scene.episode.views:
         stands = scene.cameras[name] is scene.episode.views[name].camera
         images = partial(pooled.of_camera, scene.episode, name)
-        stood = Stands(images, partial(grain.of, scene.episode, name)) if stands else None
+        made = partial(grain.of, scene.episode, name)
+        places = surface.KnownPlaces() if scene.cameras[name].fixed else None
+        stood = Stands(images, made, places) if stands else None
         proxy = scene.episode.views[name].proxy
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
@@ -191,8 +194,8 @@ def _composited(
             now = cast.light(name, t, view.depth(t), ids)
             before = cast.shown(name, t, cast.even(name, t), now)
             light = partial(np.asarray, now)
-        pool = stood.pool if stood else None
-        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine)
+        pool, places = (stood.pool, stood.places) if stood else (None, None)
+        surfaces = surface.of_view(view, t, scene.bodies, ids, pool, light, shine, places)
         radiance = view.radiance(t) if view.radiance else None
         made = composite(before, ids, scene.appearance, scene.antialiased, surfaces, radiance)
         if cast is None or not cast.relit.gains or not view.depth or ids is None:
@@ -299,8 +302,10 @@ def _finished(
     def frame(t: int) -> Frame:
         (rgb, depth, ids), hole, now = filled(t)
         light, shine = _told(scene, name, stood, t, ids, now)
-        pool = stood.pool if stood else None
-        surfaces = surface.of_image(lambda: depth, ids, camera, t, scene.bodies, pool, light, shine)
+        pool, places = (stood.pool, stood.places) if stood else (None, None)
+        surfaces = surface.of_image(
+            lambda: depth, ids, camera, t, scene.bodies, pool, light, shine, places
+        )
         radiance = None
         if stood and view.radiance:
             same = (rgb == view.rgb(t)).all(-1, keepdims=True)

@@ -15,9 +15,11 @@ from rpaug.assets.textures.mapping import Mapping, Texture
 from rpaug.core import color_space, geometry
 from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
+from rpaug.core.jit import kernel
 from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB
 from rpaug.scene.lighting import albedo, intrinsic, rig, shading
+from rpaug.scene.recorded import surface as surfaces
 from rpaug.scene.targets import agreement, targets
 
 Triple = tuple[float, float, float]
@@ -94,15 +96,14 @@ class Textured:
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        new = self._albedo(surface)
+        place = surfaces.of_places(surface, self, self._of_places)
+        new, fitted = place[:, :3], place[:, 3]
         old = np.array(self.old, np.float32)
         highlight = albedo.shine(color, surface, old, self.plain and self.smooth is None)
         shade = (color - highlight) @ old / max(float(old @ old), 1e-4)
         if self.smooth is not None:
             lit = surface.lit
-            shade = (
-                self.smooth.of(shade / np.maximum(lit, 0.02), surface.points, surface.facing) * lit
-            )
+            shade = self.smooth.of(shade / np.maximum(lit, 0.02), fitted) * lit
         return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
 
     @staticmethod
@@ -112,11 +113,37 @@ class Textured:
 
         return stacked.textures(several, device)
 
-    def _albedo(self, surface: Surface) -> Float32[np.ndarray, "n 3"]:
-        turn = self.to_texture[:3, :3].astype(np.float32)
-        points = surface.points @ turn.T + self.to_texture[:3, 3].astype(np.float32)
-        normals = surface.normals @ turn.T
-        return self.texture.on(points, normals, surface.footprint, self.scale, self.mapping)
+    def _of_places(self, surface: Surface) -> Float32[np.ndarray, "n 4"]:
+        """The new albedo, and what the old shading comes to by its fit, which hang on the place alone."""
+        turn, shift = self.to_texture[:3, :3], self.to_texture[:3, 3]
+        points, normals = _carried(
+            surface.points.astype(np.float32), surface.normals.astype(np.float32),
+            turn.astype(np.float32), shift.astype(np.float32),
+        )  # fmt: skip
+        out = np.ones((len(points), 4), np.float32)
+        out[:, :3] = self.texture.on(points, normals, surface.footprint, self.scale, self.mapping)
+        if self.smooth is not None:
+            out[:, 3] = self.smooth.fitted(surface.points, surface.facing)
+        return out
+
+
+@kernel
+def _carried(
+    points: Float32[np.ndarray, "n 3"],
+    normals: Float32[np.ndarray, "n 3"],
+    turn: Float32[np.ndarray, "3 3"],
+    shift: Float32[np.ndarray, "3"],
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"]]:
+    """Points and normals in another frame: of each the same, whichever others there are, unlike BLAS's products."""
+    moved, turned = np.empty_like(points), np.empty_like(normals)
+    for n in range(len(points)):
+        for i in range(3):
+            p = q = np.float32(0)
+            for j in range(3):
+                p += turn[i, j] * points[n, j]
+                q += turn[i, j] * normals[n, j]
+            moved[n, i], turned[n, i] = p + shift[i], q
+    return moved, turned
 
 
 @dataclass(frozen=True, kw_only=True)

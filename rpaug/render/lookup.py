@@ -18,7 +18,7 @@ def add_color(
 ):  # fmt: skip
     """Add this source's color to each pixel that it won, or that another but the first won and it shows too.
 
-    `stretch` is the length that the winner's recorded pixel has in the view.
+    `stretch` is the length that the winner's recorded pixel has in the view. No `use` given, all pixels are used.
     """
     across, along, found = np.empty(4), np.empty(4), np.empty(3)
     height, width = ids.shape
@@ -39,7 +39,7 @@ def add_color(
                 row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
                 off = abs(near[row, column] * ahead - nearest[v, u])
                 if (
-                    not use[row, column]
+                    (use.size and not use[row, column])
                     or ids[row, column] != instance_id
                     or off > tolerance * nearest[v, u]
                 ):

@@ -119,11 +119,13 @@ def render(
     nearest = np.full((height, width), -1.0)
     rank = np.zeros((height, width), np.int64)
     source = np.full((height, width), -1, np.int16)
-    pixel = np.zeros((height, width), np.int32)
+    pixel, ids = (np.zeros((height, width), np.int32) for _ in range(2))
     target = intrinsics(K)
-    nobody = np.zeros((0, 0))
+    nobody, everything = np.zeros((0, 0)), np.zeros((0, 0), np.bool_)
     near_seen = nobody if witness is None else np.maximum(nearness(witness), 0.0)
     lifted = [each if each.lifted else lift(each, tolerance) for each in sources]
+    lenses = [intrinsics(each.K) for each in lifted]
+    homes = [relative(cam_to_world, each.cam_to_world) for each in lifted]
     for index, each in enumerate(lifted):
         seen, lens, back = nobody, target, np.zeros((3, 4))
         if each.carved and witness is not None:
@@ -131,42 +133,52 @@ def render(
             back = relative(cam_to_world, witness.cam_to_world)
         prints = each.lifted
         assert prints is not None
-        near = prints.near
-        if each.use is not None:
-            near = np.where(each.use, near, -1.0)
+        use = everything if each.use is None else each.use
         _draw(
-            near, prints.slope, prints.edge, prints.line, intrinsics(each.K),
-            relative(each.cam_to_world, cam_to_world), relative(cam_to_world, each.cam_to_world), target,
-            index, index - EARLIER * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel,
+            prints.near, use, each.ids, prints.slope, prints.edge, prints.line, lenses[index],
+            relative(each.cam_to_world, cam_to_world), homes[index], target,
+            index, index - EARLIER * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel, ids,
         )  # fmt: skip
-    rank += EARLIER * (rank < 0)
-    stretch = np.ldexp(1.0, rank % EARLIER // COARSER)
+    stretch = _stretch(rank)
     rgb = np.zeros((height, width, 3), np.float32)
-    ids = _won_ids(source, pixel, sources)
     weight = np.zeros((height, width), np.float32)
     for index, each in enumerate(lifted):
         assert each.lifted is not None
-        use = np.ones(each.ids.shape, bool) if each.use is None else each.use
+        use = everything if each.use is None else each.use
         add_color(
-            each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, intrinsics(each.K),
-            relative(cam_to_world, each.cam_to_world), target, index, tolerance, nearest, source, pixel, stretch, ids,
-            rgb, weight,
+            each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, lenses[index],
+            homes[index], target, index, tolerance, nearest, source, pixel, stretch, ids, rgb, weight,
         )  # fmt: skip
-    rgb /= np.maximum(weight, 1)[..., None]
-    with np.errstate(divide="ignore", over="ignore"):
-        depth = np.where(nearest > 0, 1.0 / nearest, 0.0).astype(np.float32)
-    return Rendered(rgb, depth, ids, source, hole=source < 0, rough=rank >= COARSER)
+    depth, hole, rough = _finish(rank, nearest, source, weight, rgb)
+    return Rendered(rgb, depth, ids, source, hole, rough)
 
 
-def _won_ids(
-    source: Int16[np.ndarray, "h w"], pixel: Int32[np.ndarray, "h w"], sources: Sequence[Source]
-) -> Int32[np.ndarray, "h w"]:
-    """The instance id of the surfel that won each pixel, 0 where none did."""
-    ids = np.zeros(source.shape, np.int32)
-    for index, each in enumerate(sources):
-        won = source == index
-        ids[won] = each.ids.ravel()[pixel[won]]
-    return ids
+@kernel
+def _stretch(rank):
+    """How long the winner's recorded pixel is in the view, by the doublings that its rank holds."""
+    out = np.empty(rank.shape)
+    for v in range(rank.shape[0]):
+        for u in range(rank.shape[1]):
+            rank[v, u] += EARLIER * (rank[v, u] < 0)
+            out[v, u] = 1 << (rank[v, u] % EARLIER // COARSER)
+    return out
+
+
+@kernel
+def _finish(rank, nearest, source, weight, rgb):
+    """Depth, hole and rough of a view; its colors, summed so far, become means."""
+    depth = np.zeros(rank.shape, np.float32)
+    hole, rough = np.empty(rank.shape, np.bool_), np.empty(rank.shape, np.bool_)
+    for v in range(rank.shape[0]):
+        for u in range(rank.shape[1]):
+            if nearest[v, u] > 0:
+                depth[v, u] = 1.0 / nearest[v, u]
+            hole[v, u] = source[v, u] < 0
+            rough[v, u] = rank[v, u] >= COARSER
+            if weight[v, u] > 1:
+                for channel in range(3):
+                    rgb[v, u, channel] /= weight[v, u]
+    return depth, hole, rough
 
 
 def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
@@ -180,16 +192,17 @@ def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 @kernel
 def _draw(
-    near, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest, rank,
-    source, pixel,
+    near, use, ids, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest,
+    rank, source, pixel, won,
 ):  # fmt: skip
-    """Draw one source's surfels: rasterise each footprint, keep the nearest, leave out what was seen through."""
+    """Draw one source's surfels, of the pixels to `use` (none given: of all): rasterise each footprint, keep the
+    nearest, leave out what was seen through."""
     height, width = nearest.shape
     x, y, w = np.empty(4), np.empty(4), np.empty(4)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
             here, ends = near[row, column], edge[row, column]
-            if here < 0.0:
+            if here < 0.0 or (use.size and not use[row, column]):
                 continue
             across, down = slope[row, column, 0], slope[row, column, 1]
             half = HALF if ends == INSIDE else WIDE
@@ -233,6 +246,7 @@ def _draw(
                     rank[v, u] = order
                     source[v, u] = index
                     pixel[v, u] = row * near.shape[1] + column
+                    won[v, u] = ids[row, column]
 
 
 @inlined
@@ -244,6 +258,8 @@ def _doublings(x, y, half):
     a, b = (x[1] - x[0]) / (2.0 * half), (x[3] - x[0]) / (2.0 * half)
     c, d = (y[1] - y[0]) / (2.0 * half), (y[3] - y[0]) / (2.0 * half)
     both, area = a * a + b * b + c * c + d * d, a * d - b * c
+    if both < 4.0:  # its length, of which this is the square or more, has not doubled
+        return 0
     square = 0.5 * (both + math.sqrt(max(both * both - 4.0 * area * area, 0.0)))
     doublings = int(0.5 * math.log2(max(square, 1.0)))
     return -1 if doublings >= STREAK and square >= 2.0 * area else doublings
@@ -272,7 +288,7 @@ def _wins(hit, order, held, rank, tolerance):
     return hit > held * (1.0 + close)
 
 
-@kernel
+@inlined
 def _corners(here, across, down, half, row, column, lens, pose, target, x, y, w):
     """Target pixels and 1/z of a surfel's corners; False if one is behind the target camera or too near.
 
@@ -310,7 +326,7 @@ def _inside(u, v, x, y):
     return True
 
 
-@kernel
+@inlined
 def _seen_through(u, v, near, target, back, witness, seen, tolerance):
     """Whether the witness recorded something clearly farther where it would see this point."""
     column, row, ahead = map_pixel(u, v, near, target, back, witness)

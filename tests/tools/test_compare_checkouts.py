@@ -22,7 +22,7 @@ SUMMARY = {"copies": 1, "failures": {"task/episode1": "no depth"}, "seconds": {"
 
 
 def output(root: Path, report: dict[str, Any] = REPORT, summary: dict[str, Any] = SUMMARY) -> Path:
-    """A small output folder: an image, a pickle, a report, a summary, a card and a contact sheet."""
+    """A small output folder: an image, a pickle, a report, a summary, a card, a contact sheet and a journal."""
     episode = root / EPISODE
     episode.mkdir(parents=True)
     cv2.imwrite(str(episode / "0.png"), np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
@@ -31,6 +31,7 @@ def output(root: Path, report: dict[str, Any] = REPORT, summary: dict[str, Any] 
     (root / "rpaug.summary.json").write_text(json.dumps(summary))
     (root / "README.md").write_text("# The card")
     (root / "rpaug.contact.html").write_text("<p>The sheet</p>")
+    (root / "rpaug.journal.jsonl").write_text('{"pid": 1}')
     return root
 
 
@@ -89,15 +90,19 @@ def test_another_skipped_episode_is_found(before: Path, tmp_path: Path) -> None:
     assert (found.where, found.counts) == ("rpaug.summary.json:failures", True)
 
 
-def test_what_is_made_for_people_is_listed_and_does_not_count(before: Path, tmp_path: Path) -> None:
+def test_what_is_made_for_people_and_the_journal_are_listed_and_do_not_count(
+    before: Path, tmp_path: Path
+) -> None:
     reworded = {**REPORT, "plan": {"warnings": ["the front camera stands elsewhere"]}}
     after = output(tmp_path / "after", reworded, {**SUMMARY, "failures": {"task/episode1": "no z"}})
     (after / "README.md").write_text("# Another card")
     (after / "rpaug.contact.html").write_text("<p>Another sheet</p>")
+    (after / "rpaug.journal.jsonl").write_text('{"pid": 2}')
     found = compare(before, after)
     assert [one.where for one in found] == [
         "README.md",
         "rpaug.contact.html",
+        "rpaug.journal.jsonl",
         "rpaug.summary.json:failures:task/episode1",
         f"{EPISODE}/rpaug.json:plan:warnings:0",
     ]

@@ -96,12 +96,17 @@ class Smooth:
     level: float = 1.0  # of the shading that pixels measure, where the fit says 1
     casts: bool = True
 
+    def fitted(self, points: np.ndarray, facing: np.ndarray) -> Float32[np.ndarray, "n"]:
+        """The fit at places of the surface: of each place the same, whichever others are asked for."""
+        middle, weights = (np.array(one, np.float32) for one in (self.middle, self.weights))
+        return _fitted(
+            points.astype(np.float32), facing.astype(np.float32), middle, self.extent, weights
+        )
+
     def of(
-        self, measured: Float32[np.ndarray, "n"], points: np.ndarray, facing: np.ndarray
+        self, measured: Float32[np.ndarray, "n"], fitted: Float32[np.ndarray, "n"]
     ) -> Float32[np.ndarray, "n"]:
         """The shading where `measured` is what the pixels' brightness came to: without pattern, with shadows."""
-        weights = np.array(self.weights, np.float32)
-        fitted = np.maximum(_basis(points, facing, self.middle, self.extent) @ weights, 0.02)
         darker = np.log(np.maximum(measured / self.level, 1e-3) / fitted)
         low, high = self.shadows
         kept = np.clip((-darker - low) / (high - low), 0, 1)
@@ -265,14 +270,37 @@ def _terms(
 ) -> Float32[np.ndarray, "n 15"]:
     out = np.empty((len(points), 15), np.float32)
     for n in range(len(points)):
-        x, y, z = facing[n]
-        p, q, r = (points[n] - middle) / np.float32(extent)
-        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = 1.0, x, y, z
-        out[n, 4], out[n, 5], out[n, 6] = x * y, y * z, z * x
-        out[n, 7], out[n, 8] = x * x - y * y, 3 * z * z - 1
-        out[n, 9], out[n, 10], out[n, 11] = p, q, r
-        out[n, 12], out[n, 13], out[n, 14] = p * p, q * q, p * q
+        _place_terms(points[n], facing[n], middle, extent, out[n])
     return out
+
+
+@kernel
+def _fitted(
+    points: Float32[np.ndarray, "n 3"],
+    facing: Float32[np.ndarray, "n 3"],
+    middle: Float32[np.ndarray, "3"],
+    extent: float,
+    weights: Float32[np.ndarray, "15"],
+) -> Float32[np.ndarray, "n"]:
+    out, terms = np.empty(len(points), np.float32), np.empty(15, np.float32)
+    for n in range(len(points)):
+        _place_terms(points[n], facing[n], middle, extent, terms)
+        total = np.float32(0)
+        for k in range(15):
+            total += terms[k] * weights[k]
+        out[n] = max(total, np.float32(0.02))
+    return out
+
+
+@kernel
+def _place_terms(point, facing, middle, extent, out):
+    x, y, z = facing
+    p, q, r = (point - middle) / np.float32(extent)
+    out[0], out[1], out[2], out[3] = 1.0, x, y, z
+    out[4], out[5], out[6] = x * y, y * z, z * x
+    out[7], out[8] = x * x - y * y, 3 * z * z - 1
+    out[9], out[10], out[11] = p, q, r
+    out[12], out[13], out[14] = p * p, q * q, p * q
 
 
 def frame(samples: Mapping[int, ShadedPixels]) -> Float64[np.ndarray, "4 4"]:

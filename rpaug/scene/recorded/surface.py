@@ -1,16 +1,17 @@
 """Where recorded pixels and Gaussians lie on their bodies, worked out only when an edit asks for it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from threading import Lock
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int, Int32
+from jaxtyping import Bool, Float32, Float64, Int, Int8, Int32
 
 from rpaug.core import geometry, memo
 from rpaug.core.errors import SourceLacks
 from rpaug.core.jit import kernel
-from rpaug.core.types import Body, Camera, CameraView, Gaussians
+from rpaug.core.types import Body, Camera, CameraView, Gaussians, Surface
 from rpaug.scene.recorded import pooled
 from rpaug.scene.recorded.pooled import Pool
 
@@ -27,10 +28,58 @@ Mirrored = Callable[
 ]
 Shine = Callable[[], Mirrored | None] | None
 
+OfPlaces = Callable[[Surface], Float32[np.ndarray, "n k"]]
+
+
+class KnownPlaces:
+    """What edits found of the places that a fixed camera's pixels show, the latest of each pixel: of a place that
+    rests it is the same in all frames."""
+
+    def __init__(self) -> None:
+        # By edit, which is held so that its id stays its own: the slot of each pixel (0: not known), and its values.
+        self._held: dict[int, tuple[object, np.ndarray, np.ndarray]] = {}
+        self._lock = Lock()  # frames are drawn by several threads
+
+    def of(
+        self, edit: object, surface: "PixelSurface", find: OfPlaces
+    ) -> Float32[np.ndarray, "n k"]:
+        """What `find` says of each pixel; it is asked of those alone whose place is not known."""
+        rows, slots = surface.rows, surface.slots
+        with self._lock:
+            held = self._held.get(id(edit))
+            if held is not None:
+                _, known, values = held
+                new, out = np.flatnonzero((slots == 0) | (known[rows] != slots)), values[rows]
+        if held is None:
+            new, out = np.arange(len(rows)), np.empty((len(rows), 0), np.float32)
+        if not len(new):
+            return out
+        found = find(surface if len(new) == len(rows) else replace(surface, rows=rows[new]))
+        if len(new) == len(rows):
+            out = found
+        else:
+            out[new] = found
+        with self._lock:
+            size = surface.instance_ids.size
+            empty = edit, np.zeros(size, np.int8), np.zeros((size, found.shape[1]), np.float32)
+            _, known, values = self._held.setdefault(id(edit), empty)
+            known[rows[new]], values[rows[new]] = slots[new], found
+        return out
+
+
+def of_places(surface: Surface, edit: object, find: OfPlaces) -> Float32[np.ndarray, "n k"]:
+    """What `find` tells an `edit` of each row of a surface by its points, normals, facing, footprint and id alone.
+
+    `find` must treat every row alone, to the last bit: what rests before a fixed camera is asked about once.
+    """
+    if isinstance(surface, PixelSurface) and surface.known is not None:
+        return surface.known.of(edit, surface, find)
+    return find(surface)
+
 
 @dataclass(frozen=True)
 class PixelSurface:
-    """Pixels of one image, given by flat index; depth is decoded only if somebody asks where they lie.
+    """Pixels of one image, given by flat index; depth, 0 where unknown, is decoded only for who asks where they lie.
 
     `pool` says what other frames of the same camera showed beside them, None for this one alone; `light` is an image
     of `lit.share`, or None where nothing tells; `shine` gives, where highlights are known, what
@@ -46,10 +95,22 @@ class PixelSurface:
     pool: Callable[[], Pool] | None = None
     light: Light = None
     shine: Shine = None
+    known: KnownPlaces | None = None
 
     @property
     def ids(self) -> Int32[np.ndarray, "n"]:
         return self.instance_ids.reshape(-1)[self.rows]
+
+    @property
+    def slots(self) -> Int8[np.ndarray, "n"]:
+        """By number from 1, which place of its pool each pixel shows; 0 for none, and for what has left its frame."""
+        if self.pool is None:
+            return np.zeros(len(self.rows), np.int8)
+        pool, away = self.pool(), [instance_id for instance_id, _ in moved(self.bodies, self.t)]
+        return _slots(
+            self.depth(), self.instance_ids, self.rows, pool.ids, pool.depths, pool.tolerance,
+            np.array(away, np.int32),
+        )  # fmt: skip
 
     @property
     def points(self) -> Float32[np.ndarray, "n 3"]:
@@ -84,7 +145,7 @@ class PixelSurface:
 
     @cached_property
     def _in_world(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        depth = np.nan_to_num(self.depth(), posinf=0.0, neginf=0.0)
+        depth = self.depth()
         pool = self.pool() if self.pool else pooled.nothing(*depth.shape)
         pose = self.camera.cam_to_world[self.t]
         return lift(depth, self.instance_ids, self.camera.K, pose, self.rows, pool)
@@ -112,11 +173,11 @@ def of_view(
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
     shine: Shine = None,
+    known: KnownPlaces | None = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
-    """The surfaces that pixels of one recorded image show, by their flat index; its depth is decoded once at most."""
-
-    depth = cache(partial(_known_depth, view, t))
-    return of_image(depth, ids, view.camera, t, bodies, pool, light, shine)
+    """The surfaces that pixels of one recorded image show, by their flat index."""
+    depth = partial(_known_depth, view, t)
+    return of_image(depth, ids, view.camera, t, bodies, pool, light, shine, known)
 
 
 def _known_depth(view: CameraView, t: int) -> Float32[np.ndarray, "h w"]:
@@ -142,11 +203,15 @@ def of_image(
     pool: Callable[[], Pool] | None = None,
     light: Light = None,
     shine: Shine = None,
+    known: KnownPlaces | None = None,
 ) -> Callable[[Int[np.ndarray, "n"]], PixelSurface]:
-    """The surfaces behind pixels of an image that `camera` took at t, by their flat index."""
+    """The surfaces behind pixels of an image that `camera` took at t, by their flat index; depth, light and highlights
+    are asked for once for all edits."""
     instance_ids = np.zeros((camera.height, camera.width), np.int32) if ids is None else ids
+    known_depth = cache(lambda: np.nan_to_num(depth(), posinf=0.0, neginf=0.0))
+    known_light, known_shine = light and cache(light), shine and cache(shine)
     return lambda rows: PixelSurface(
-        rows, depth, instance_ids, camera, t, bodies, pool, light, shine
+        rows, known_depth, instance_ids, camera, t, bodies, pool, known_light, known_shine, known
     )
 
 
@@ -254,6 +319,26 @@ def lift(
     this image alone shows of it.
     """
     return _lift(depth, ids, K, pose, rows, pool.ids, pool.depths, pool.tolerance)
+
+
+@kernel
+def _slots(
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    rows: Int[np.ndarray, "n"],
+    pooled_ids: Int32[np.ndarray, "h w slots"],
+    pooled_depths: Float32[np.ndarray, "h w slots 9"],
+    tolerance: float,
+    away: Int32[np.ndarray, "k"],
+) -> Int8[np.ndarray, "n"]:
+    out = np.zeros(len(rows), np.int8)
+    for n in range(len(rows)):
+        r, c = rows[n] // depth.shape[1], rows[n] % depth.shape[1]
+        if not (ids[r, c] == away).any():
+            out[n] = 1 + pooled.find(
+                pooled_ids[r, c], pooled_depths[r, c], ids[r, c], depth[r, c], tolerance
+            )
+    return out
 
 
 @kernel

@@ -258,7 +258,8 @@ def _continued(
     camera, K = scene.cameras[name], own.K.copy()
     K[:2, 2] += margin
     rgb, depth, ids = (widened(image) for image in (own.rgb, own.depth, own.ids))
-    beyond = zbuffer.lift(Source(K, own.cam_to_world, rgb, depth, ids, use, carved=True), near)
+    whole = Source(K, own.cam_to_world, rgb, depth, ids, use, carved=True)
+    beyond = zbuffer.lift(window.trimmed(whole), near)
     shots = [
         zbuffer.render(
             camera.K, camera.cam_to_world[t], (camera.width, camera.height), [beyond], witness, near

@@ -39,11 +39,11 @@ def test_a_pattern_goes_and_light_and_shadow_stay(pattern: float, fall: float) -
     assert smooth.spread == pytest.approx(pattern, rel=0.25)
     old = np.array(ALBEDO)
     measured = samples.color @ old / (old @ old)
-    out = smooth.of(measured, samples.points, samples.facing)
+    out = smooth.of(measured, smooth.fitted(samples.points, samples.facing))
     assert np.median(np.abs(out / light - 1)[~shadow]) < 0.06
     assert np.std(np.log(out / light)[~shadow]) < 0.4 * pattern + 0.02
     assert out[shadow].mean() < 0.75 * light[~shadow].mean()
-    known = replace(smooth, casts=False).of(measured, samples.points, samples.facing)
+    known = replace(smooth, casts=False).of(measured, smooth.fitted(samples.points, samples.facing))
     assert known[shadow].mean() > 0.85 * light[shadow].mean()  # what is darker is pattern then
 
 
@@ -82,7 +82,8 @@ def test_broad_grain_is_no_light() -> None:
         ALBEDO,
     )
     assert smooth is not None
-    out = smooth.of(light.astype(np.float32), samples.points, samples.facing)
+    fitted = smooth.fitted(samples.points, samples.facing)
+    out = smooth.of(light.astype(np.float32), fitted)
     assert np.std(np.log(out)[~shadow]) < 0.03
 
 
@@ -92,6 +93,6 @@ def test_the_best_lit_part_is_fully_lit_where_the_albedo_is_a_guess() -> None:
     smooth = shading.fit(samples, guess, known=False)
     assert smooth is not None
     measured = samples.color @ np.array(guess) / np.dot(guess, guess)
-    out = smooth.of(measured, samples.points, samples.facing)
+    out = smooth.of(measured, smooth.fitted(samples.points, samples.facing))
     assert np.median(out[~shadow]) == pytest.approx(1, abs=0.03)
     assert out[shadow].mean() < 0.75

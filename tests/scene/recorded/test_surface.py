@@ -8,6 +8,7 @@ from analytic import BALL, BALL_RADIUS, BOX, TABLE, ball_at, scene
 
 from rpaug import Body, Gaussians, Scene, Unsupported
 from rpaug.core.geometry import rigid, transform
+from rpaug.core.types import Surface
 from rpaug.scene.recorded import pooled, surface
 
 EYES = {"front": (1.6, 0.3, 1.0), "overhead": (0.1, -0.9, 1.5)}
@@ -120,3 +121,49 @@ def test_gaussians_face_the_camera_and_keep_their_frame() -> None:
     assert (((world - camera.cam_to_world[t, :3, 3]) * here.facing).sum(1) <= 0).all()
     assert np.allclose(np.linalg.norm(here.normals, axis=1), 1, atol=1e-5)
     assert np.allclose(here.footprint, 0.04)
+
+
+def test_depth_and_light_of_a_frame_are_asked_for_once_for_all_edits() -> None:
+    recorded, asked = tracked(), []
+    view = recorded.episode.views["front"]
+    ids = view.ids(0)
+
+    def depth(t: int) -> np.ndarray:
+        asked.append("depth")
+        return np.where(ids == TABLE, np.inf, view.depth(t))
+
+    def light() -> np.ndarray:
+        asked.append("light")
+        return np.full(ids.shape, 0.5, np.float32)
+
+    at = surface.of_view(replace(view, depth=depth), 0, recorded.bodies, ids, light=light)
+    for instance_id in (TABLE, BOX, BALL):
+        here = at(np.flatnonzero(ids == instance_id))
+        assert (here.lit == 0.5).all()
+        assert np.isfinite(here.points).all()  # where depth is none, at the camera
+    assert sorted(asked) == ["depth", "light"]
+
+
+def test_places_that_rest_before_a_fixed_camera_are_asked_about_once() -> None:
+    recorded, name, asked = tracked(), "front", []
+    view, pool = recorded.episode.views[name], pooled.of_camera(recorded.episode, name)
+
+    def find(here: Surface) -> np.ndarray:
+        asked.append(len(here.ids))
+        return np.column_stack([here.points, here.facing, here.footprint, here.ids])
+
+    known = surface.KnownPlaces()
+    for t in range(LENGTH):
+        ids = view.ids(t)
+        rows = np.flatnonzero((view.depth(t) > 0) & np.isfinite(view.depth(t)))
+        told = [
+            surface.of_places(
+                surface.of_view(view, t, recorded.bodies, ids, lambda: pool, known=each)(rows),
+                recorded,
+                find,
+            )
+            for each in (known, None)
+        ]
+        assert np.array_equal(*told)
+    assert asked[0] == asked[1]  # nothing is known at first
+    assert max(asked[2::2]) < 0.3 * asked[0]  # what moves, and what it uncovers
