@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
+from rpaug.core import owner
 from rpaug.core.errors import BadInput, RpaugError, of_the_machine
 from rpaug.core.visible import visible
 
@@ -127,7 +128,8 @@ def guarded(command: Callable[..., int]) -> Callable[..., None]:
         again = f"; {RESUME}" if "resume" in kwargs else ""
         try:
             _there(kwargs.get("dataset"))
-            code = command(*args, **kwargs)
+            with owner.ends_like_ctrl_c():
+                code = command(*args, **kwargs)
         except (RpaugError, OSError) as error:
             machine = of_the_machine(error)
             words = f"{_words(machine)}{again}" if machine else _words(error)

@@ -9,6 +9,7 @@ import fcntl
 import getpass
 import json
 import os
+import signal
 import socket
 import threading
 import time
@@ -93,12 +94,26 @@ def _user() -> str:
         return str(os.getuid())
 
 
+@contextmanager
+def ends_like_ctrl_c() -> Iterator[None]:
+    """SIGTERM, by which Slurm and containers end a run, does what Ctrl-C does: here, not in children."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def child(module: str, function: str, *given: Any) -> None:
     """What a process of a run does: a module's function, and the end of it all as soon as the parent is gone, also
     while the module still loads. That takes a second, or many where there is other work. What the parent owns a forked
     one lets go."""
     parent = parent_process()
     assert parent is not None
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     while _locks:
         os.close(_locks.pop())
 

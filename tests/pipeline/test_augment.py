@@ -356,15 +356,17 @@ def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
     run = subprocess.Popen(
         command,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests may ignore it
     )
     while run.poll() is None and not (out / GROUP / "episode1").exists():
         time.sleep(0.01)
     at_work = workers_of(run.pid)
     run.send_signal(sent)
-    run.wait()
+    said = run.communicate()[1]
     assert len(at_work) == 2
+    assert ("the same command with --resume goes on" in said) == (sent != signal.SIGKILL)
     ends = time.monotonic() + 5
     while time.monotonic() < ends and any(map(alive, at_work)):
         time.sleep(0.05)
