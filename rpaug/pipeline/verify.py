@@ -14,7 +14,7 @@ from rpaug.core.files import REJECTED
 from rpaug.core.interfaces import Adapter
 from rpaug.core.progress import told
 from rpaug.core.types import CameraView, Effect, Embeddings, Episode
-from rpaug.pipeline import compare_layouts, compare_report, plan, recipe, report
+from rpaug.pipeline import compare_layouts, compare_report, journal, plan, recipe, report
 from rpaug.scene.tracking import agreement
 
 LOOKED_AT = 6  # frames of each episode whose images are compared, evenly spread
@@ -356,7 +356,10 @@ def _numbering(adapter: Adapter, keys: Sequence[str]) -> Iterator[Finding]:
 
 
 def _counts(target: Path, keys: Sequence[str]) -> Iterator[Finding]:
-    """As many episodes as the run that made them counted."""
+    """As many episodes as the run that made them counted, if that ended."""
+    if (target / journal.NAME).exists() and not (target / report.SUMMARY).exists():
+        words = f"the run that made these {len(keys)} has not ended: the same command with --resume goes on"
+        yield Finding("bad", ".", "counts", words)
     try:
         given = json.loads((target / report.SUMMARY).read_bytes()).get("copies")
     except (OSError, ValueError, AttributeError):

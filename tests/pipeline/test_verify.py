@@ -139,6 +139,14 @@ def test_tampering_is_found(
     assert topic in {finding.topic for finding in bad(output, template)}
 
 
+def test_a_run_that_has_not_ended_is_named(output: Path, template: Path) -> None:
+    (output / "rpaug.summary.json").unlink()
+    (said,) = bad(output, template)
+    assert said.message == (
+        "the run that made these 2 has not ended: the same command with --resume goes on"
+    )
+
+
 def test_data_that_is_gone_new_or_changed_is_named() -> None:
     adapter = cast(Adapter, SimpleNamespace(untouched=lambda held, _: held))
     before, after = ({"a": b"1", "b": b"2", "c": b"3"}, {"a": b"1", "c": b"4", "d": b"5"})
