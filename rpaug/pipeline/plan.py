@@ -32,6 +32,10 @@ SECONDS_READ = 0.1
 SECONDS_BODIES = 0.3
 SECONDS_START, SECONDS_EPISODE, SECONDS_COPY = 2.5, 0.006, 0.013
 SECONDS_TRACKED = 0.015  # an episode, where bodies are
+SECONDS_OUTLINED, SECONDS_GUESSED = (
+    0.01,
+    1.5,
+)  # an image, a million pixels of color alone: once, and each copy
 SECONDS_FIT = 90.0
 SECONDS_FOUR = 60.0  # more, where something bends
 BYTES_A_PIXEL = 2.3  # rgb, depth and mask as PNG, measured on RLBench episodes
@@ -174,6 +178,9 @@ class Plan:
             megapixels = view.camera.width * view.camera.height * episode.length / 1e6
             rate = SECONDS[self.representations[name]] + SECONDS[3] * (name in self.blended)
             seconds += megapixels * (SECONDS_READ + SECONDS_BODIES * self.bodies + copies * rate)
+            if view.depth is None or view.inferred:
+                told = SECONDS_OUTLINED * episode.length + SECONDS_GUESSED * megapixels
+                seconds += told * self.bodies * (1 + copies)
             size += copies * megapixels * BYTES_A_PIXEL
         return {"seconds": seconds, "megabytes": size}
 

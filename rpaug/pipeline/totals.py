@@ -83,12 +83,14 @@ class EditOutcomes:
     option: Option
     drawn_in: set[str] = field(default_factory=set)  # source episodes
     lacked_in: dict[str, str] = field(default_factory=dict)  # source episodes, with the reasons
-    lacking: int = 0  # copies
+    copies: int = 0  # that drew it
+    lacking: int = 0  # of them
     short: dict[str, tuple[int, int]] = field(default_factory=dict)  # things of how many, by what
 
     def add(self, source: str, left_out: str | None, short: Mapping[str, list[int]]) -> None:
         """Count one copy of a source episode."""
         self.drawn_in.add(source)
+        self.copies += 1
         if left_out:
             self.lacking += 1
             self.lacked_in.setdefault(source, left_out)
@@ -97,7 +99,8 @@ class EditOutcomes:
             self.short[words] = before[0] + missed, before[1] + asked
 
     def left_out(self) -> Iterator[dict[str, Any]]:
-        """Where episodes had nothing for it: in how many of those that drew it, in how many copies, the reason."""
+        """Where episodes had nothing for it: in how many of those that drew it, in how many copies, if in all that drew
+        it, the reason."""
         if self.lacking:
             of = ", ".join(map(str, plan.targets(self.option.operator)))
             yield {
@@ -106,6 +109,7 @@ class EditOutcomes:
                 "episodes": len(self.lacked_in),
                 "drawn_in": len(self.drawn_in),
                 "copies": self.lacking,
+                "nowhere": self.lacking == self.copies,
                 "reason": next(iter(self.lacked_in.values())),
             }
 

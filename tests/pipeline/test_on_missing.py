@@ -51,11 +51,11 @@ def test_what_is_left_out_shifts_no_other_draw(scene: Scene) -> None:
 def test_what_is_left_out_is_a_line_in_report_and_summary(template: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     summary = augment(template, asked(NOWHERE, LIGHT, copies=2), out)
-    assert (summary.copies, summary.exit_code) == (4, 0)
+    assert (summary.copies, summary.exit_code) == (4, 1)  # no copy has what was asked for
     (line,) = json.loads((out / report.SUMMARY).read_bytes())["left_out"]
     assert {"episodes": 2, "drawn_in": 2, "copies": 4}.items() <= line.items()
     assert summary.lacked == [
-        f"recolor of handle 4711: 2 of 2 episodes lacked it: {line['reason']}"
+        f"recolor of handle 4711: in no copy: 2 of 2 episodes lacked it: {line['reason']}"
     ]
     key = RLBench().episodes(out)[0]
     given = json.loads((out / key / report.NAME).read_bytes())

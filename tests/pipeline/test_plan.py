@@ -60,6 +60,15 @@ def test_the_cost_grows_with_copies_and_tiers() -> None:
     assert plan.make([LightColor()], episode, tier=3).cost(episode, 1)["seconds"] > cheap["seconds"]
 
 
+def test_things_in_colors_alone_cost_more_than_recorded_ones() -> None:
+    episode = scene(EYES, length=2).episode
+    bare = {name: replace(view, depth=None, ids=None) for name, view in episode.views.items()}
+    colors = replace(episode, views=bare)
+    light, things = plan.make([LightColor()], colors), replace(plan.make([], colors), bodies=True)
+    assert light.cost(colors, 1) == light.cost(episode, 1)
+    assert things.cost(colors, 1)["seconds"] > 1.5 * things.cost(episode, 1)["seconds"]
+
+
 A, B = {"handle": 1}, {"handle": 2}
 PART = {"handle": 1, "part": {"camera": "front", "box": [10, 10, 20, 20]}}
 # Of each operator: its tier where no more is wanted, whether bodies are tracked, whether Gaussians are fitted.

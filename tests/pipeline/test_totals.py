@@ -40,10 +40,15 @@ def test_episodes_that_lacked_an_edit_are_counted_of_those_that_drew_it(
     found = outcomes()
     for number, left_out in copies:
         found.add(f"episode{number}", "no room" if left_out else None, {})
-    lines = Summary(left_out=list(found.left_out())).lacked
+    summary = Summary(copies=len(copies), left_out=list(found.left_out()))
+    lines, nowhere = summary.lacked, all(left_out for _, left_out in copies)
+    assert summary.exit_code == nowhere
     lacked, drew = {n for n, left_out in copies if left_out}, {n for n, _ in copies}
     assert len(lines) == bool(lacked)
     for line in lines:
-        said = re.fullmatch(r"distractors.*: (\d+) of (\d+) episodes lacked it: no room", line)
+        said = re.fullmatch(
+            r"distractors.*: (in no copy: )?(\d+) of (\d+) episodes lacked it: no room", line
+        )
         assert said
-        assert (int(said[1]), int(said[2])) == (len(lacked), len(drew))
+        assert bool(said[1]) == nowhere
+        assert (int(said[2]), int(said[3])) == (len(lacked), len(drew))

@@ -3,7 +3,8 @@
     python tools/bench/dry_run.py [--recordings FOLDER] [--episodes 200] [--copies 1 4] [--only tiny] [--json FILE]
 
 Tiny: so many episodes of four frames of one camera of 16x16 pixels, in RLBench's layout. Sample: the one that ships.
-Real: one episode of FOLDER's `rlbench_open_drawer`, 128x128 pixels, five cameras. Each row is `rpaug augment` in a
+Real: one episode of FOLDER's `rlbench_open_drawer`, 128x128 pixels, five cameras. Bridge: the episodes of its
+`rlds_bridge`, images of colors alone, 64x64 pixels. Each row is `rpaug augment` in a
 process of its own, start included; kernels were compiled beforehand. Processor seconds are compared, since other work
 on the machine lengthens wall seconds much and these a little.
 """
@@ -32,7 +33,9 @@ EDITS: dict[str, dict[str, Any]] = {
     "recolor": {"op": "recolor", "color": "blue"},
     "camera_pose": {"op": "camera_pose", "camera": "front"},
     "distractors": {"op": "distractors", "count": 1},
+    "table_color": {"op": "table_color"},
 }
+BRIDGE = "bridge"  # colors alone, whose edits need what colors tell
 TARGETED, BALL = "recolor", {"handle": 2}  # what is recolored: the tiny episode has no roles
 
 
@@ -51,6 +54,7 @@ def datasets(root: Path, episodes: int, recordings: Path | None) -> Iterator[tup
     yield "sample", SAMPLE
     if recordings:
         yield "real", recordings / "rlbench_open_drawer"
+        yield BRIDGE, recordings / "rlds_bridge"
 
 
 def recipe(name: str, edit: str, copies: int) -> dict[str, Any]:
@@ -97,7 +101,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=Path)
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--copies", type=int, nargs="+", default=[1, 4])
-    parser.add_argument("--only", nargs="+", help="tiny, sample, real")
+    parser.add_argument("--only", nargs="+", help="tiny, sample, real, bridge")
     parser.add_argument("--edit", nargs="+", choices=EDITS, default=list(EDITS))
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
@@ -109,6 +113,8 @@ def main() -> None:
             for edit in given.edit:
                 if edit == "distractors" and name == "tiny":
                     continue  # its table is too coarse to put anything on
+                if (edit == "table_color") != (name == BRIDGE) and edit != "light_color":
+                    continue
                 measured(SAMPLE, recipe("sample", edit, 1))  # kernels are compiled and kept
                 for copies in given.copies:
                     row = f"{name}, {edit}, {copies}"
