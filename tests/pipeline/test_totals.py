@@ -47,7 +47,7 @@ def test_episodes_that_lacked_an_edit_are_counted_of_those_that_drew_it(
     assert len(lines) == bool(lacked)
     for line in lines:
         said = re.fullmatch(
-            r"distractors.*: (in no copy: )?(\d+) of (\d+) episodes lacked it: no room", line
+            r"distractors[^:]*: (in no copy: )?(\d+) of (\d+) episodes lacked it: no room", line
         )
         assert said
         assert bool(said[1]) == nowhere
