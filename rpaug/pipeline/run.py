@@ -168,10 +168,9 @@ class Summary:
 
     @property
     def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped, or copies rejected, or an edit is in no copy that drew it, or the
-        recipe's `on_missing: fail` ended the run; 2: nothing was made."""
-        nowhere = any(one["nowhere"] for one in self.left_out)
-        if not (self.failures or self.aborted or self.rejected or nowhere):
+        """0: all done; 1: some episodes were skipped, or copies rejected, or the recipe's `on_missing: fail` ended the
+        run; 2: nothing was made."""
+        if not self.failures and not self.aborted and not self.rejected:
             return 0
         return 1 if self.copies or self.rejected or self.missing else 2
 

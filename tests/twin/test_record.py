@@ -176,7 +176,9 @@ def test_the_receiver_can_be_the_target(block):
 def test_unknown_names_list_the_known_ones():
     with pytest.raises(RpaugError, match="open_drawer, pick_block, push_button"):
         twin.perform("juggle", 0)
-    with pytest.raises(RpaugError, match="object_color, object_texture, light_color"):
+    with pytest.raises(
+        RpaugError, match="object_color, object_texture, object_finish, light_color"
+    ):
         twin.perform("open_drawer", 0, factor="gravity")
     with pytest.raises(RpaugError, match="block_plain"):
         twin.perform("open_drawer", 0, factor="object_color", target="teapot")
