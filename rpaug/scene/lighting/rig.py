@@ -53,7 +53,7 @@ def nothing_casts(scene: Scene) -> bool:
     found = recorded(scene)
     if not (found.bodies and found.moving):
         return False
-    fell = _darkened(found.episode, found.moving)
+    fell = _fell(found)
     return any(one.seen for one in fell) and not _often(fell)
 
 
@@ -134,11 +134,16 @@ def recorded(scene: Scene) -> Scene:
 
 @memo.last
 def _find(scene: Scene) -> Rig | None:
-    fell = _darkened(scene.episode, scene.moving)
+    fell = _fell(scene)
     if not _often(fell):
         return None
     found = _Fitter(scene, _sample(scene)).fitted()
     return None if found is None or _explained(scene, fell, found) < EXPLAINED else found
+
+
+@memo.last
+def _fell(scene: Scene) -> "list[_Darkened]":
+    return _darkened(scene.episode, scene.moving)
 
 
 @dataclass(frozen=True, eq=False)
