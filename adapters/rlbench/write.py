@@ -32,7 +32,7 @@ PICKLES = (".pkl", ".pickle", ".p")
 NEAR, FAR = 0.01, 10.0
 Planes = list[tuple[float, float]]
 MOST_ID = 2**24 - 1  # in a mask of three channels
-THREADS = 2, 8  # that write frames: beside other workers, and alone at most
+THREADS = 1, 8  # that write frames: beside other workers, and alone at most
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
 IMAGES = [

@@ -143,6 +143,7 @@ class Summary:
         default_factory=list
     )  # edits: what, how many of how many
     roles: list[str] = field(default_factory=list)  # that differ between episodes of one task
+    unmet: bool = False  # an edit that all copies were to have is in none
     missing: bool = False  # aborted since an episode lacked what an edit is made of
 
     @property
@@ -168,9 +169,9 @@ class Summary:
 
     @property
     def exit_code(self) -> int:
-        """0: all done; 1: some episodes were skipped, or copies rejected, or the recipe's `on_missing: fail` ended the
-        run; 2: nothing was made."""
-        if not self.failures and not self.aborted and not self.rejected:
+        """0: all done; 1: some episodes were skipped, or copies rejected, or an edit without a probability is in no
+        copy, or the recipe's `on_missing: fail` ended the run; 2: nothing was made."""
+        if not (self.failures or self.aborted or self.rejected or self.unmet):
             return 0
         return 1 if self.copies or self.rejected or self.missing else 2
 

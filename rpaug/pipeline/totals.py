@@ -6,7 +6,7 @@ from typing import Any
 
 from rpaug.core import splits
 from rpaug.pipeline import plan, report, role_facts
-from rpaug.pipeline.recipe import Option, Recipe
+from rpaug.pipeline.recipe import Option, Recipe, Step
 from rpaug.pipeline.run import Run, Summary, group_of
 
 
@@ -69,6 +69,9 @@ def add_up(
         summary.rejected[key] = "; ".join(add(line, False)["faults"])
     summary.roles = [words for group in roles.values() for words in role_facts.disagreement(group)]
     summary.left_out = [words for one in outcomes.values() for words in one.left_out()]
+    summary.unmet = any(
+        _unmet(outcomes, number, step) for number, step in enumerate(run.recipe.steps)
+    )
     summary.fell_short = [words for one in outcomes.values() for words in one.fell_short()]
     for name in sorted(changed):
         summary.changed_share[name] = round(changed[name] / summary.copies, 6)
@@ -98,6 +101,11 @@ class EditOutcomes:
             before = self.short.get(words, (0, 0))
             self.short[words] = before[0] + missed, before[1] + asked
 
+    @property
+    def nowhere(self) -> bool:
+        """Whether no copy that drew it has it."""
+        return self.lacking == self.copies
+
     def left_out(self) -> Iterator[dict[str, Any]]:
         """Where episodes had nothing for it: in how many of those that drew it, in how many copies, if in all that drew
         it, the reason."""
@@ -109,7 +117,7 @@ class EditOutcomes:
                 "episodes": len(self.lacked_in),
                 "drawn_in": len(self.drawn_in),
                 "copies": self.lacking,
-                "nowhere": self.lacking == self.copies,
+                "nowhere": self.nowhere,
                 "reason": next(iter(self.lacked_in.values())),
             }
 
@@ -119,6 +127,12 @@ class EditOutcomes:
             if missed:
                 name = self.option.name
                 yield {"step": self.step, "edit": name, "what": words, "count": missed, "of": asked}
+
+
+def _unmet(outcomes: Mapping[tuple[int, int], EditOutcomes], number: int, step: Step) -> bool:
+    """Whether all copies were to have this step and, of those that drew it, none does."""
+    drawn = [one for n in range(len(step.options)) if (one := outcomes[number, n]).copies]
+    return step.probability == 1 and bool(drawn) and all(one.nowhere for one in drawn)
 
 
 def _sources_warned(run: Run, summary: Summary) -> None:

@@ -51,7 +51,9 @@ def test_what_is_left_out_shifts_no_other_draw(scene: Scene) -> None:
 def test_what_is_left_out_is_a_line_in_report_and_summary(template: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     summary = augment(template, asked(NOWHERE, LIGHT, copies=2), out)
-    assert (summary.copies, summary.exit_code) == (4, 0)
+    assert (summary.copies, summary.exit_code) == (4, 1)  # all copies were to have it, none has
+    maybe = augment(template, asked({**NOWHERE, "probability": 0.9}, LIGHT), tmp_path / "maybe")
+    assert (maybe.copies, maybe.exit_code) == (2, 0)
     (line,) = json.loads((out / report.SUMMARY).read_bytes())["left_out"]
     assert {"episodes": 2, "drawn_in": 2, "copies": 4}.items() <= line.items()
     assert summary.lacked == [
