@@ -22,7 +22,9 @@ from rpaug.scene.tracking import agreement
 
 MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measured at
 STILL = 1e-3  # metres of depth up to which a pixel shows the same place in the next frame
-CURES = {"moving": ": nobody recorded it from there; the robot's file shows it (arms: [FILE])"}
+WORST = 0.1  # of the pixels of what moves: those of the frames in which most of it is invented
+CURE = ": nobody recorded it from there; the robot's file shows it (arms: [FILE])"
+CURES = {"moving": CURE, "torn": CURE}
 FAINT = 0.02  # brightest channel below which no hue can be told
 
 Limit = Annotated[float, Field(ge=0)] | None
@@ -41,6 +43,7 @@ class Gates(BaseModel):
     reprojection: Limit = 5.0
     holes: Limit = 0.15
     moving: Limit = 0.1
+    torn: Limit = 0.2
     flicker: Limit = 2.0
     color: Limit = 5.0
     self_check: bool = True
@@ -71,7 +74,8 @@ class Figures:
     `outside` counts changed pixels, over all frames of cameras shown by their recorded pixels, where no edit reaches.
     `reprojection` is the median distance in millimetres between the points of one camera and the surface the next one
     sees there. `holes` is the share of invented pixels in the moved camera that has most, `moving` the share of them
-    among the pixels that show the robot and what else moves. `flicker` is by how many
+    among the pixels that show the robot and what else moves, over all frames, and `torn` the same over the frames in
+    which it is largest, down to a tenth of those pixels. `flicker` is by how many
     grey levels more than in the recording fixed cameras' pixels change between two frames in which they show the
     same place. `color` is the CIEDE2000 difference between the color a thing was to take and the one it shows, its
     brightness apart, which shading decides.
@@ -81,6 +85,7 @@ class Figures:
     reprojection: float | None = None
     holes: float | None = None
     moving: float | None = None
+    torn: float | None = None
     flicker: float | None = None
     color: float | None = None
 
@@ -122,6 +127,7 @@ def measure(
         "reprojection": lambda: agreement.median_mm(made.views.values(), _moments(made.length)),
         "holes": lambda: _holes(holes),
         "moving": lambda: _moving(moving),
+        "torn": lambda: _moving(moving, WORST),
         "flicker": lambda: _flicker(scene, made),
         "color": lambda: _color(scene),
     }
@@ -163,12 +169,19 @@ def _holes(holes: Mapping[str, Bool[np.ndarray, "h w"]]) -> float | None:
     return max((float(np.mean(found)) for found in shares.values()), default=None)
 
 
-def _moving(counts: Mapping[tuple[str, int], tuple[int, int]]) -> float | None:
-    """Over all frames of the worst camera; None where nothing that moves is seen."""
-    totals: dict[str, np.ndarray] = {}
+def _moving(counts: Mapping[tuple[str, int], tuple[int, int]], part: float = 1.0) -> float | None:
+    """Of the worst camera, over the frames with the largest shares that hold this part of the pixels; None where
+    nothing that moves is seen."""
+    frames: dict[str, list[tuple[int, int]]] = {}
     for (camera, _), pair in counts.items():
-        totals[camera] = totals.get(camera, 0) + np.array(pair)
-    return max((float(unseen / all) for unseen, all in totals.values() if all), default=None)
+        frames.setdefault(camera, []).append(pair)
+    found = []
+    for pairs in frames.values():
+        unseen, all = np.array(sorted(pairs, key=lambda one: -one[0] / max(one[1], 1))).T.cumsum(1)
+        if all[-1]:
+            last = int(np.searchsorted(all, part * all[-1]))
+            found.append(float(unseen[last] / all[last]))
+    return max(found, default=None)
 
 
 def _flicker(scene: Scene, made: Episode) -> float | None:

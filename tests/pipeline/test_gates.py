@@ -134,7 +134,7 @@ def test_what_moves_must_have_been_recorded_from_where_the_camera_is_now() -> No
 def test_a_limit_that_is_off_is_not_measured() -> None:
     edit = {"front": {"turn": [0.0, 0.0, 0.0], "shift": [0.1, 0.0, 0.0]}}
     found = figures(CameraPose(camera="front").apply(recorded(), edit), UNASKED.limits)
-    assert set(found.describe()) == {"holes", "moving"}
+    assert set(found.describe()) == {"holes", "moving", "torn"}
 
 
 @pytest.mark.parametrize(
@@ -161,6 +161,29 @@ def test_the_worst_camera_counts_for_what_moves() -> None:
     counts = {("front", 0): (1, 4), ("front", 1): (0, 6), ("side", 0): (3, 5), ("top", 0): (0, 0)}
     found = measure(recorded(), recorded().episode, {"front": 0}, 0, {}, counts, EVERY)
     assert found.moving == 0.6
+
+
+def test_a_hand_that_is_whole_but_in_few_frames_is_torn() -> None:
+    """Nine frames show all of it, one invents it; frames that show next to nothing of it say next to nothing."""
+    whole = {("wrist", t): (0, 40) for t in range(9)}
+    torn = {("wrist", 9): (36, 40), ("wrist", 10): (1, 1)}
+    found = measure(recorded(), recorded().episode, {"wrist": 1}, 0, {}, whole | torn, EVERY)
+    assert found.moving == pytest.approx(37 / 401)
+    assert found.torn == pytest.approx(37 / 41)
+    (fault,) = Gates(holes=None).faults(found)
+    assert fault.startswith("torn 0.9")
+    assert "arms: [FILE]" in fault
+
+
+@given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1))
+def test_the_worst_frames_are_no_better_than_all(pairs: list[tuple[int, int]]) -> None:
+    counts = {("front", t): (min(pair), max(pair)) for t, pair in enumerate(pairs)}
+    found = measure(recorded(), recorded().episode, {"front": 1}, 0, {}, counts, {"moving", "torn"})
+    if found.moving is None:
+        assert found.torn is None
+    else:
+        assert found.torn is not None
+        assert found.moving - 1e-12 <= found.torn <= 1
 
 
 def test_a_camera_that_is_not_where_it_says_disagrees() -> None:
