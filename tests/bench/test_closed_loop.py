@@ -264,7 +264,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(seeds: int) -> None:
 def test_the_recorded_tables_are_what_the_committed_outcomes_give() -> None:
     kept = json.loads((pages.DOCS / "closed_loop.json").read_text())
     for topic in ("closed_loop", "diagnosed_loop"):
-        recorded = pages.load(topic).tables
+        recorded = pages.load(topic).tables[:3]  # the others are what it costs
         names = recorded[0].columns[1:-2]
         seeds = [int(number) for number in re.findall(r"\d+", recorded[0].seeds)]
         made = result.tables(kept, names, seeds, "")
