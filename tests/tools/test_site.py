@@ -24,7 +24,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_operator_has_a_page_with_picture_error_and_fields(built: Path) -> None:
     for name in registry.operator_names():
         page = (built / f"operators/{name}.html").read_text()
-        assert re.search(r'<img alt="recorded[^"]*" src="\.\./images/', page)
+        assert re.search(rf'<img alt="{name}" src="\.\./images/', page)
         assert ("How near the truth" in page) == (name in overview.ROWS)
         for field in fields(registry.operator(name)):
             assert f"<code>{field.name}</code>" in page

@@ -174,8 +174,8 @@ ROWS: Mapping[str, Sequence[Measured | Said]] = {
     ),
     "remove": (
         Measured(
-            "removing",
-            "surfels",
+            "placing",
+            "removed",
             ("pick_block, cylinder", "stack_cups, marble block", "put_in_box, blue block"),
             "never seen, dB",
             "of what no camera saw",

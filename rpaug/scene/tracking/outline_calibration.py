@@ -17,7 +17,7 @@ FRAMES = 24  # that are looked at
 LEAST_FRAMES = 8
 SIDE = 192  # pixels of the masks' longer side
 LEAST_PIXELS = 60  # of a mask that is looked at
-COMMON = 3.0  # times the spread of the fit: outlines err alike in all frames (docs/benchmarks/calibration.md)
+COMMON = 3.0  # times the fit's spread: outlines err alike in all frames (docs/benchmarks/models.md)
 PLACE, DIRECTION = (
     0.02,
     np.deg2rad(1.0),
