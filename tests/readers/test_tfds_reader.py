@@ -48,6 +48,8 @@ def test_edits_that_color_images_alone_allow_leave_all_else(
     (tmp_path / "in").mkdir()
     shutil.copytree(samples / "rlds_bridge", tmp_path / "in", dirs_exist_ok=True)
     (tmp_path / "in" / PLACE / "cameras.yaml").write_text("version: 1\nviews: [image_0]\n")
+    settled = "version: 1\nroles: {table: {handle: 2}, background: {handle: 3}}\n"
+    (tmp_path / "in" / "roles.yaml").write_text(settled)  # color tells neither for sure
     edits = (
         {"op": "recolor", "target": {"role": "table"}, "color": {"sample": "colosseum"}},
         {"op": "background_texture"},

@@ -6,6 +6,11 @@ No model is asked. Of every episode that the file has, asked are `manipulated`, 
 color and noun. OUT gets a sheet of each that was not refused: first, middle and last frame of every camera, the chosen
 instance outlined in red and the drawn one in yellow, for the eye. A target is right where at least half of chosen and
 drawn pixels are shared in the first frame of all cameras that were drawn for it.
+
+    python -m tools.bench.photographs_targets --data DATA --whole worked --out sheets
+
+shows, of every second record, what edits of the table (red) and of the background (yellow) would paint, and whether
+they are refused: `worked` are records 0, 2, 4 and so on, `closed` the others.
 """
 
 import argparse
@@ -31,6 +36,8 @@ COLORS: Mapping[str, str] = {"carrot": "orange", "plate": "green", "cup": "blue"
 RIGHT = 0.5  # intersection over union
 LARGER = 5
 CHOSEN, DRAWN = (255, 0, 0), (255, 255, 0)
+HALVES = ("worked", "closed")  # records 0, 2, 4 and so on, and the others
+PAINTED = {"table": CHOSEN, "background": DRAWN}
 
 Outlines = Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]
 Mask = Bool[np.ndarray, "h w"]
@@ -108,15 +115,53 @@ def outlined(
     return out
 
 
+def whole(data: Path, half: str, out: Path) -> None:
+    """What edits of the table and of the background paint, or would paint, in one half of the records."""
+    for key in rpaug.episodes(data)[HALVES.index(half) :: len(HALVES)]:
+        scene = build.build(rpaug.read(data, key), with_bodies=True)
+        told = {
+            role: "painted" if role in scene.roles else f"refused: {scene.beliefs[role].reasons[0]}"
+            for role in PAINTED
+            if role in scene.beliefs
+        }
+        for role, became in told.items():
+            sys.stdout.write(f"{key} | {role}: {became}\n")
+        path = out / half / f"{key.replace('/', '_')}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, encode_png(_painted(scene)))
+
+
+def _painted(scene: Scene) -> UInt8[np.ndarray, "h w 3"]:
+    """The first frame of every camera that shows anything, beside it table and background outlined."""
+    rows = []
+    for view in scene.episode.views.values():
+        if np.ptp(view.rgb(0)) < 8:
+            continue
+        assert view.ids is not None
+        ids, image = view.ids(0), view.rgb(0)
+        masks = [
+            (np.isin(ids, list(scene.beliefs[role].instance_ids)), color)
+            for role, color in PAINTED.items()
+            if role in scene.beliefs
+        ]
+        rows.append(np.concatenate([outlined(image, ()), outlined(image, masks)], 1))
+    return np.concatenate(rows)
+
+
 def main() -> None:
     """Ask, judge, and draw."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("--drawn", type=Path, required=True)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--drawn", type=Path)
+    what.add_argument("--whole", choices=HALVES)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
+    if given.whole:
+        whole(given.data, given.whole, given.out)
+        return
     counts: dict[str, list[int]] = {}
     for key, outlines in json.loads(given.drawn.read_text()).items():
         episode = rpaug.read(given.data, key)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rpaug.providers.depth import DepthModel
 
 SURE = 0.6  # of roles that colors tell: nothing checks them by geometry
+PLAIN = 0.9  # share of the surroundings that walls and a floor cover, from which color tells table and background
 KEPT = 64  # labelled frames of one camera
 UNTOLD = (
     "what was moved has its surroundings' colors, and nothing tells its outline where it rested: it is no target and "
@@ -78,8 +79,18 @@ def _beliefs(seen: CameraInstanceMap) -> dict[str, Belief]:
     if held.thing is not None and held.thing in seen.manipulated:
         reason = f"the gripper closes on it in all cameras that see its end, {100 * held.share:.0f} % of it at least"
         found["manipulated"] = Belief(seen.manipulated, max(SURE, held.share), (reason,))
+    plain = seen.plainness
     for role in ("table", "background"):
-        if role in found and found[role].instance_ids & held.within:
+        if role not in found:
+            continue
+        if plain < PLAIN:
+            reason = (
+                f"only {100 * plain:.0f} % of what is around is walls and floor of few colors: color alone does not "
+                f"tell the {role} from what stands there, which would be painted with it; roles.yaml settles it, or "
+                "record depth or masks"
+            )
+            found[role] = Belief(found[role].instance_ids, 0.0, (reason,))
+        elif found[role].instance_ids & held.within:
             reason = f"the gripper closes on something that has the colors of the {role}, and would be edited with it"
             found[role] = Belief(found[role].instance_ids, 0.0, (reason,))
     return found

@@ -35,6 +35,8 @@ from rpaug.scene.instances.watched import Watched
 
 LOOSE = 100_000  # instance ids from here on are of what never rests, by tint
 LOOKED = 8  # frames in which patches of color are held against outlines
+WALLS = 3  # tints that walls and a floor have at most
+SHOWN = 0.05  # share of an image from which its surroundings are judged
 UNDER = 0.5  # share of a patch under outlines from which it is the things that they are of
 
 
@@ -62,6 +64,18 @@ class CameraInstanceMap:
             "background": self.background,
         }
         return {name: instance_ids for name, instance_ids in found.items() if instance_ids}
+
+    @property
+    def plainness(self) -> float:
+        """The share of the surroundings that as many tints cover as walls and a floor have, in the camera that shows
+        least of it. The rest is things: a tint then tells neither surroundings nor support from what stands there."""
+        shares = [1.0]
+        for part in self.cameras.values():
+            around = part.cluster[np.isin(part.resting, list(self.background))]
+            if len(around) > SHOWN * part.resting.size:
+                counts = np.sort(np.bincount(around))[::-1]
+                shares.append(float(counts[:WALLS].sum() / len(around)))
+        return min(shares)
 
     def ids(self, name: str, t: int, image: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
         """Handles of a camera's image at time t."""

@@ -17,6 +17,7 @@ from rpaug.core.memo import bare, once
 from rpaug.core.types import Body, CameraView, Scene
 from rpaug.scene.placement import free_space_rgb, swept
 from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of, disc
+from rpaug.scene.targets import roles
 
 STILLS = 4  # frames looked at for what stands
 ROUNDS = 16  # the same where all cameras move, and each frame shows another part
@@ -41,7 +42,11 @@ def find_free_space(scene: Scene, leaving: Iterable[int] = ()) -> FreeSpace:
 def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     support = scene.roles.get("table")
     if not support:
-        raise TargetError("nothing was seen to be the table, so there is nowhere to put things")
+        doubted = scene.beliefs.get("table")
+        reason = "nothing was seen to be the table"
+        if doubted is not None and doubted.confidence < roles.BOUND:
+            reason = "; ".join(doubted.reasons)
+        raise TargetError(f"{reason}, so there is nowhere to put things")
     if any(view.proxy for view in scene.episode.views.values()):
         return free_space_rgb.find_free_space(scene, leaving)
     points = _support(scene, support)
