@@ -33,6 +33,14 @@ MATTE = 0.5  # of its hue's typical light: a highlight lies where the matte part
 OVERLIT = 0.25  # share of clipped pixels from which a surface's true brightness is hidden
 
 
+# Brightest channel of a metal, display sRGB: median of the ten metals that the Autodesk Standard Surface guide lists.
+METAL = 0.88
+GUESSES: Mapping[str, str] = {  # by what an edit stores of a surface
+    "overlit": "painted surfaces are recorded as bright as can be",
+    "of_metal": "painted surfaces are of metal, whose pixels do not show how bright its color is",
+    "in_shadow": "painted surfaces lie where shadows pass whose lamps are not known",
+}
+
 Rgb = tuple[float, float, float]
 
 
@@ -212,9 +220,15 @@ def owners(
 
 
 def guessed(surfaces: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
-    """How many of an edit's surfaces were too bright to tell their albedo, in the words of `Operator.falls_short`."""
-    words = "painted surfaces are recorded as bright as can be: how bright they come out is a guess"
-    return {words: (sum(one.get("overlit", False) for one in surfaces), len(surfaces))}
+    """How many of an edit's surfaces do not tell how bright their albedo is, in the words of `Operator.falls_short`."""
+    reasons = [one for one in GUESSES if one == "overlit" or any(s.get(one) for s in surfaces)]
+    return {
+        f"{GUESSES[one]}: how bright they come out is a guess": (
+            sum(s.get(one, False) for s in surfaces),
+            len(surfaces),
+        )
+        for one in reasons
+    }
 
 
 def plain(episode: Episode, instance_id: int) -> bool:

@@ -57,6 +57,11 @@ def nothing_casts(scene: Scene) -> bool:
     return any(one.seen for one in fell) and not _often(fell)
 
 
+def unexplained(scene: Scene) -> bool:
+    """Whether shadows pass over what rests and no lamps were found that cast them."""
+    return bool(scene.bodies) and find(scene) is None and _often(_fell(recorded(scene)))
+
+
 @memo.of_episode
 def shadows_wander(episode: Episode) -> bool:
     """Whether a shadow passes over anything at all, before it is known what moves: then it may be worth knowing."""

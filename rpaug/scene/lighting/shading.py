@@ -18,7 +18,7 @@ from rpaug.core import memo, sampling
 from rpaug.core.errors import SourceLacks, Unsupported
 from rpaug.core.jit import kernel
 from rpaug.core.types import Body, Episode, Scene
-from rpaug.scene.lighting import albedo, highlights, intrinsic
+from rpaug.scene.lighting import albedo, highlights, intrinsic, rig
 from rpaug.scene.recorded import surface
 
 RGB = tuple[float, float, float]
@@ -146,13 +146,24 @@ def describe(scene: Scene, instance_ids: Iterable[int], known: RGB | None = None
     surfaces = [dict(one) for one in found["surfaces"]]
     if known is None:
         surfaces = [one | {"albedo": fully_lit(scene, one)} for one in surfaces]
-    surfaces = [one | ({"metal": True} if _metal(scene, one) else {}) for one in surfaces]
+    surfaces = [one | (_as_metal(one, known) if _metal(scene, one) else {}) for one in surfaces]
+    if known is None and rig.unexplained(scene):
+        surfaces = [one | {"in_shadow": True} for one in surfaces]
     return found | {"surfaces": surfaces}
 
 
 def _metal(scene: Scene, surface: Mapping[str, Any]) -> bool:
     red, green, blue = surface["albedo"]
     return highlights.metallic(scene, surface["handle"], (red, green, blue))
+
+
+def _as_metal(surface: Mapping[str, Any], known: RGB | None) -> dict[str, Any]:
+    """What is stored of a metal: unless its color is known it has the hue that it shows, and is as bright as metals
+    are, for how much of its light is mirrored its matte part does not tell."""
+    if known is not None:
+        return {"metal": True}
+    gain = max(albedo.METAL / max(surface["albedo"]), 1.0)
+    return {"metal": True, "of_metal": True, "albedo": [gain * one for one in surface["albedo"]]}
 
 
 def fully_lit(scene: Scene, surface: Mapping[str, Any]) -> list[float]:

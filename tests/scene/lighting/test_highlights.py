@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from analytic import LENGTH, scene, seen_by
+from analytic import LENGTH, TABLE, scene, seen_by
 
 from rpaug import twin
 from rpaug.core import geometry
 from rpaug.core.types import Scene
 from rpaug.scene.build import build
-from rpaug.scene.lighting import highlights, intrinsic
+from rpaug.scene.lighting import albedo, highlights, intrinsic, shading
 from rpaug.twin.look import RIG
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "left": (-0.8, -0.1, 0.9)}
@@ -119,3 +119,20 @@ def test_under_cast_shadows_only_what_a_lamp_reaches_mirrors_it():
         goal = dark.views[name].rgb(5).astype(float)
         before, after = (((one.views[name].rgb(5) - goal) ** 2).mean() for one in (both, told))
         assert after < before / 2  # of the floor's shadows, much is cast by what no image shows
+
+
+def test_a_metal_is_as_bright_as_metals_are(monkeypatch):
+    """How bright a metal's color is its matte part does not tell; its hue it does."""
+    dim = seen_by(scene(EYES, length=LENGTH), lambda name, t, rgb, *rest: (rgb // 2, *rest))
+    (matte,) = shading.describe(dim, [TABLE])["surfaces"]
+    monkeypatch.setattr(highlights, "metallic", lambda *_: True)
+    (metal,) = shading.describe(dim, [TABLE])["surfaces"]
+    assert max(matte["albedo"]) < albedo.METAL
+    assert max(metal["albedo"]) == pytest.approx(albedo.METAL)
+    gains = np.divide(metal["albedo"], matte["albedo"])
+    assert gains == pytest.approx(gains[0])
+    assert metal["of_metal"]
+    (known,) = shading.describe(dim, [TABLE], (0.2, 0.3, 0.4))["surfaces"]
+    assert known["albedo"] == [0.2, 0.3, 0.4]
+    assert known["metal"]
+    assert "of_metal" not in known

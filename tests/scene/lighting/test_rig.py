@@ -9,7 +9,7 @@ from analytic import TABLE, scene, seen_by
 
 from rpaug.assets import library
 from rpaug.core.types import Body, Rig, Scene
-from rpaug.scene.lighting import intrinsic, rig
+from rpaug.scene.lighting import albedo, intrinsic, rig, shading
 from rpaug.scene.recorded import lit
 
 LENGTH = 12
@@ -40,6 +40,16 @@ def test_lamps_whose_shadows_are_not_those_seen_are_refused(wandering: Scene) ->
     assert before is not None
     assert told.min() < 0.85
     assert told.tobytes() == before.tobytes()
+
+
+def test_how_bright_a_surface_is_is_a_guess_where_lamps_are_refused(wandering: Scene) -> None:
+    assert rig.unexplained(wandering)
+    (guessed,) = shading.describe(wandering, [TABLE])["surfaces"]
+    (known,) = shading.describe(wandering, [TABLE], (0.5, 0.5, 0.5))["surfaces"]
+    assert guessed["in_shadow"]
+    assert "in_shadow" not in known
+    assert [count for count, _ in albedo.guessed([guessed]).values()] == [0, 1]
+    assert not rig.unexplained(scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH))
 
 
 def test_nothing_casts_where_things_move_and_no_shadow_goes_along(wandering: Scene) -> None:
