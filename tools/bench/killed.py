@@ -147,10 +147,12 @@ class Bench:
         with self.begun(out) as run:
             time.sleep(rng.uniform(0, self.lasts))
             at_work = self.workers(run.pid)
-            if run.poll() is not None or (who == "worker" and not at_work):
-                shutil.rmtree(out)
-                return None
-            faults = self.killed(who, run, at_work, rng)
+            early = run.poll() is not None or (who == "worker" and not at_work)
+            faults = [] if early else self.killed(who, run, at_work, rng)
+        if early:
+            self.settled(at_work)
+            shutil.rmtree(out)
+            return None
         if who == "run":
             execute(Run(self.source, build(RECIPE), out), resume=True)
         found = contents(out)
@@ -171,10 +173,7 @@ class Bench:
         if who == "run":
             run.kill()
             run.wait()
-            ends = time.monotonic() + ENDS
-            while any(map(alive, at_work)) and time.monotonic() < ends:
-                time.sleep(0.05)
-            return ["workers lived on"] if any(map(alive, at_work)) else []
+            return [] if self.settled(at_work) else ["workers lived on"]
         if who == "node":
             node = self.cluster.list_all_nodes()[1]
             self.cluster.remove_node(node, allow_graceful=False)
@@ -184,6 +183,13 @@ class Bench:
             os.kill(rng.choice(at_work), signal.SIGKILL)
             code = run.wait()
         return [f"exit code {code}"] if code else []
+
+    def settled(self, at_work: list[int]) -> bool:
+        """Whether those processes end in time."""
+        ends = time.monotonic() + ENDS
+        while any(map(alive, at_work)) and time.monotonic() < ends:
+            time.sleep(0.05)
+        return not any(map(alive, at_work))
 
 
 @contextmanager
