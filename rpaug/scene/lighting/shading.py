@@ -162,7 +162,8 @@ def _as_metal(surface: Mapping[str, Any], known: RGB | None) -> dict[str, Any]:
     are, for how much of its light is mirrored its matte part does not tell."""
     if known is not None:
         return {"metal": True}
-    gain = max(albedo.METAL / max(surface["albedo"]), 1.0)
+    brightest = max(surface["albedo"])
+    gain = max(albedo.METAL / brightest, 1.0) if brightest else 1.0
     return {"metal": True, "of_metal": True, "albedo": [gain * one for one in surface["albedo"]]}
 
 

@@ -96,3 +96,9 @@ def test_the_best_lit_part_is_fully_lit_where_the_albedo_is_a_guess() -> None:
     out = smooth.of(measured, smooth.fitted(samples.points, samples.facing))
     assert np.median(out[~shadow]) == pytest.approx(1, abs=0.03)
     assert out[shadow].mean() < 0.75
+
+
+def test_a_black_metal_stays_black() -> None:
+    found = shading._as_metal({"albedo": [0.0, 0.0, 0.0]}, None)
+    assert found["albedo"] == [0.0, 0.0, 0.0]
+    assert found["of_metal"]
