@@ -169,18 +169,20 @@ def _write_images(
     episode: Episode, recorded: RLBenchSource | None, work: Path, planes: Mapping[str, Planes]
 ) -> None:
     """All frames, a few at a time in threads: decoding and encoding release the interpreter."""
+    kinds = {name: _kinds(episode, recorded, name) for name in episode.views}
+    for name in kinds:
+        for kind, _, _ in kinds[name]:
+            (work / f"{name}_{kind}").mkdir()
+
+    def write(
+        t: int,
+    ) -> None:  # all cameras of one time together: each is drawn from what all recorded
+        for name in kinds:
+            _write_frame(kinds[name], recorded, work, name, t, planes[name][t])
+
     with ThreadPoolExecutor(_threads()) as pool:
-        jobs = []
-        for name in episode.views:
-            kinds = _kinds(episode, recorded, name)
-            for kind, _, _ in kinds:
-                (work / f"{name}_{kind}").mkdir()
-            jobs += [
-                pool.submit(_write_frame, kinds, recorded, work, name, t, planes[name][t])
-                for t in range(episode.length)
-            ]
-        for job in jobs:
-            job.result()
+        for _ in pool.map(write, range(episode.length)):
+            pass
 
 
 def _threads() -> int:

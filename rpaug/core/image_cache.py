@@ -5,13 +5,21 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
-
-import numpy as np
+from typing import Any, Protocol, TypeVar
 
 from rpaug.core.types import Episode
 
 MOST_BYTES = 256 << 20  # of decoded images that are kept
+
+
+class Sized(Protocol):
+    """What is kept of a frame: an array, or what says how much its arrays hold."""
+
+    @property
+    def nbytes(self) -> int: ...
+
+
+Kept = TypeVar("Kept", bound=Sized)
 
 
 def shelved(episode: Episode, most: int = MOST_BYTES) -> Episode:
@@ -32,9 +40,7 @@ def shelved(episode: Episode, most: int = MOST_BYTES) -> Episode:
     return replace(episode, views=views)
 
 
-def held(
-    made: Callable[[str, int], np.ndarray], most: int = MOST_BYTES
-) -> Callable[[str, int], np.ndarray]:
+def held(made: Callable[[str, int], Kept], most: int = MOST_BYTES) -> Callable[[str, int], Kept]:
     """What is made of a camera's frame, the latest kept that fit into so many bytes."""
     image_cache = _Shelf(most)
     return lambda name, t: image_cache.take((name, "made"), partial(made, name), t)
@@ -45,14 +51,15 @@ class _Shelf:
 
     def __init__(self, most: int) -> None:
         self._most, self._held = most, 0
-        self._arrays: OrderedDict[tuple[Any, int], np.ndarray] = OrderedDict()
+        self._arrays: OrderedDict[tuple[Any, int], Any] = OrderedDict()
         self._lock = threading.Lock()
 
-    def take(self, name: tuple[str, str], read: Callable[[int], np.ndarray], t: int) -> np.ndarray:
+    def take(self, name: tuple[str, str], read: Callable[[int], Kept], t: int) -> Kept:
         with self._lock:
             if (name, t) in self._arrays:
                 self._arrays.move_to_end((name, t))
-                return self._arrays[name, t]
+                kept: Kept = self._arrays[name, t]
+                return kept
         array = read(t)
         with self._lock:
             if (name, t) not in self._arrays:

@@ -33,22 +33,26 @@ def matched(source: Source, like: Source, tolerance: float) -> Source:
         relative(source.cam_to_world, like.cam_to_world),
         like.lifted.near, like.ids, like.rgb, intrinsics(like.K), tolerance,
     )  # fmt: skip
-    known = np.unique(instance_ids)
-    return replace(source, gains=Gains(known, _medians(instance_ids, ratios, known)))
+    return replace(source, gains=Gains(*_medians(instance_ids, ratios)))
 
 
 @kernel
-def _medians(instance_ids, ratios, known):
-    """Per known instance id and channel, the median ratio; 0 among the ratios says nothing."""
+def _medians(instance_ids, ratios):
+    """The instance ids, and of each per channel the median ratio; 0 among the ratios says nothing."""
+    known = np.unique(instance_ids)
     gains = np.ones((len(known), 3), np.float32)
+    found = np.empty(len(instance_ids), np.float32)
     for k in range(len(known)):
-        rows = np.flatnonzero(instance_ids == known[k])
         for channel in range(3):
-            found = ratios[rows, channel]
-            found = found[found > 0]
-            if len(found) >= FEWEST:
-                gains[k, channel] = min(max(np.median(found), 1 / STRONGEST), STRONGEST)
-    return gains
+            count = 0
+            for row in range(len(instance_ids)):
+                if instance_ids[row] == known[k] and ratios[row, channel] > 0:
+                    found[count] = ratios[row, channel]
+                    count += 1
+            if count >= FEWEST:
+                middle = float(np.median(found[:count]))
+                gains[k, channel] = min(max(middle, 1 / STRONGEST), STRONGEST)
+    return known, gains
 
 
 @kernel

@@ -13,50 +13,50 @@ ON_PIXEL = 1e-6  # pixels: closer to a pixel's centre than this takes that pixel
 
 @kernel
 def add_color(
-    rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, nearest, source, pixel, stretch,
-    won, out, total,
+    rgb, ids, near, use, instance_ids, factors, lens, back, target, index, tolerance, places, nearest, source, pixel,
+    stretch, won, out, total,
 ):  # fmt: skip
-    """Add this source's color to each pixel that it won, or that another but the first won and it shows too.
+    """Add this source's color to each of the pixels at `places` (rows, columns) that it won, or that another won and
+    it shows too.
 
     `stretch` is the length that the winner's recorded pixel has in the view. No `use` given, all pixels are used.
     """
     across, along, found = np.empty(4), np.empty(4), np.empty(3)
     height, width = ids.shape
-    for v in range(nearest.shape[0]):
-        for u in range(nearest.shape[1]):
-            winner = source[v, u]
-            if winner != index and (winner <= 0 or index == 0 or total[v, u] >= BLENDED):
+    for v, u in places:
+        winner = source[v, u]
+        if winner != index and total[v, u] >= BLENDED:
+            continue
+        instance_id = won[v, u]
+        x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
+        if winner == index:
+            row, column = pixel[v, u] // width, pixel[v, u] % width
+        else:
+            if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
                 continue
-            instance_id = won[v, u]
-            x, y, ahead = map_pixel(u, v, nearest[v, u], target, back, lens)
-            if winner == index:
-                row, column = pixel[v, u] // width, pixel[v, u] % width
-            else:
-                if not ahead > NEAR or not (-0.5 < x < width - 0.5 and -0.5 < y < height - 0.5):
-                    continue
-                if target[0] * ahead > COARSE * stretch[v, u] * lens[0]:
-                    continue
-                row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
-                off = abs(near[row, column] * ahead - nearest[v, u])
-                if (
-                    (use.size and not use[row, column])
-                    or ids[row, column] != instance_id
-                    or off > tolerance * nearest[v, u]
-                ):
-                    continue
-            if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
-                for channel in range(3):
-                    found[channel] = rgb[row, column, channel] / 255.0
-            else:
-                _between(rgb, ids, x, y, row, column, across, along, found)
-            gain = -1
-            for k in range(len(instance_ids)):
-                if instance_ids[k] == instance_id:
-                    gain = k
+            if target[0] * ahead > COARSE * stretch[v, u] * lens[0]:
+                continue
+            row, column = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+            off = abs(near[row, column] * ahead - nearest[v, u])
+            if (
+                (use.size and not use[row, column])
+                or ids[row, column] != instance_id
+                or off > tolerance * nearest[v, u]
+            ):
+                continue
+        if abs(x - column) < ON_PIXEL and abs(y - row) < ON_PIXEL:
             for channel in range(3):
-                scale = factors[gain, channel] if gain >= 0 else 1.0
-                out[v, u, channel] += min(max(found[channel] * scale, 0.0), 1.0)
-            total[v, u] += 1.0
+                found[channel] = rgb[row, column, channel] / 255.0
+        else:
+            _between(rgb, ids, x, y, row, column, across, along, found)
+        gain = -1
+        for k in range(len(instance_ids)):
+            if instance_ids[k] == instance_id:
+                gain = k
+        for channel in range(3):
+            scale = factors[gain, channel] if gain >= 0 else 1.0
+            out[v, u, channel] += min(max(found[channel] * scale, 0.0), 1.0)
+        total[v, u] += 1.0
 
 
 @kernel

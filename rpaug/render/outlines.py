@@ -41,6 +41,11 @@ class Footprints:
     edge: Int8[np.ndarray, "h w"]
     line: Float64[np.ndarray, "h w 3"]
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the arrays hold."""
+        return sum(array.nbytes for array in (self.near, self.slope, self.edge, self.line))
+
 
 def grown(prints: Footprints, scale: float) -> Footprints:
     """The footprints of the same image if camera and world were `scale` times as large."""

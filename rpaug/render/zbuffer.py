@@ -31,6 +31,7 @@ COARSER = (
 )  # added to the rank each time a view doubles a recorded pixel's length: later than any source
 STREAK = 2  # doublings of its length at which a pixel at least twice as long as wide is not drawn
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
+SLIVER = 1e-12  # pixels: less of the target than this a recorded pixel does not cover
 EARLIER = BEYOND >> 1  # taken from the rank of what comes before all others, however stretched
 
 
@@ -66,6 +67,12 @@ class Source:
     before: bool = False
     lifted: Footprints | None = None
     gains: Gains = NO_GAINS
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the images hold."""
+        images = (self.rgb, self.depth, self.ids, self.use, self.lifted)
+        return sum(each.nbytes for each in images if each is not None)
 
 
 def lift(source: Source, tolerance: float = SAME_SURFACE) -> Source:
@@ -122,7 +129,7 @@ def render(
     pixel, ids = (np.zeros((height, width), np.int32) for _ in range(2))
     target = intrinsics(K)
     nobody, everything = np.zeros((0, 0)), np.zeros((0, 0), np.bool_)
-    near_seen = nobody if witness is None else np.maximum(nearness(witness), 0.0)
+    near_seen = nobody if witness is None else np.maximum(_near(witness), 0.0)
     lifted = [each if each.lifted else lift(each, tolerance) for each in sources]
     lenses = [intrinsics(each.K) for each in lifted]
     homes = [relative(cam_to_world, each.cam_to_world) for each in lifted]
@@ -142,15 +149,44 @@ def render(
     stretch = _stretch(rank)
     rgb = np.zeros((height, width, 3), np.float32)
     weight = np.zeros((height, width), np.float32)
+    first, others = (
+        np.argwhere(source == 0),
+        np.argwhere(source > 0),
+    )  # the first's colors are its own
     for index, each in enumerate(lifted):
         assert each.lifted is not None
         use = everything if each.use is None else each.use
         add_color(
             each.rgb, each.ids, each.lifted.near, use, each.gains.instance_ids, each.gains.factors, lenses[index],
-            homes[index], target, index, tolerance, nearest, source, pixel, stretch, ids, rgb, weight,
+            homes[index], target, index, tolerance, others if index else first, nearest, source, pixel, stretch, ids,
+            rgb, weight,
         )  # fmt: skip
     depth, hole, rough = _finish(rank, nearest, source, weight, rgb)
     return Rendered(rgb, depth, ids, source, hole, rough)
+
+
+def carve(
+    shown: Bool[np.ndarray, "h w"],
+    depth: Float32[np.ndarray, "h w"],
+    K: Float64[np.ndarray, "3 3"],
+    cam_to_world: Float64[np.ndarray, "4 4"],
+    witnesses: Sequence[Source],
+    tolerance: float,
+) -> None:
+    """Unmark the pixels of a view whose points, at their depth, some witness saw through."""
+    for witness in witnesses:
+        near = np.maximum(_near(witness), 0.0)
+        back, lens = relative(cam_to_world, witness.cam_to_world), intrinsics(witness.K)
+        _carve(shown, depth, intrinsics(K), back, lens, near, tolerance)
+
+
+@kernel
+def _carve(shown, depth, target, back, lens, seen, tolerance):
+    for v in range(shown.shape[0]):
+        for u in range(shown.shape[1]):
+            if shown[v, u] and depth[v, u] > 0.0:
+                near = 1.0 / depth[v, u]
+                shown[v, u] = not _seen_through(u, v, near, target, back, lens, seen, tolerance)
 
 
 @kernel
@@ -181,6 +217,10 @@ def _finish(rank, nearest, source, weight, rgb):
     return depth, hole, rough
 
 
+def _near(source: Source) -> Float64[np.ndarray, "h w"]:
+    return nearness(source) if source.lifted is None else source.lifted.near
+
+
 def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
     """1/z of each pixel of a recording: 0 is infinitely far, negative is not drawn."""
     known = np.isfinite(source.depth) & (source.depth > 0)
@@ -191,53 +231,83 @@ def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 
 @kernel
+# Long: one kernel is one function; what its innermost loop needs of a footprint are a score of numbers.
 def _draw(
     near, use, ids, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest,
     rank, source, pixel, won,
 ):  # fmt: skip
     """Draw one source's surfels, of the pixels to `use` (none given: of all): rasterise each footprint, keep the
-    nearest, leave out what was seen through."""
+    nearest, leave out what was seen through.
+
+    The point at pixel ray r and inverse depth w maps to R r + w t, which also holds at infinity. It is affine in the
+    pixel, so that a footprint's map is known from its centre and two steps.
+    """
     height, width = nearest.shape
-    x, y, w = np.empty(4), np.empty(4), np.empty(4)
+    right_x, right_y, right_z = pose[0, 0] / lens[0], pose[1, 0] / lens[0], pose[2, 0] / lens[0]
+    down_x, down_y, down_z = pose[0, 1] / lens[1], pose[1, 1] / lens[1], pose[2, 1] / lens[1]
     for row in range(near.shape[0]):
+        q = (row - lens[3]) / lens[1]
         for column in range(near.shape[1]):
             here, ends = near[row, column], edge[row, column]
             if here < 0.0 or (use.size and not use[row, column]):
                 continue
+            p = (column - lens[2]) / lens[0]
             across, down = slope[row, column, 0], slope[row, column, 1]
             half = HALF if ends == INSIDE else WIDE
-            if not _corners(here, across, down, half, row, column, lens, pose, target, x, y, w):
+            ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
+            right_ahead, down_ahead = right_z + across * pose[2, 3], down_z + down * pose[2, 3]
+            turn = half * (abs(right_ahead) + abs(down_ahead))
+            if here < half * (abs(across) + abs(down)) or not ahead - turn > NEAR:
+                continue  # a corner is behind the target camera or too near
+            scale = 1.0 / ahead
+            x = (pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]) * scale
+            y = (pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]) * scale
+            # Steps of a pixel to the right and down, at the centre. Towards a corner they grow by `larger` at most.
+            a = target[0] * scale * (right_x + across * pose[0, 3] - x * right_ahead)
+            b = target[0] * scale * (down_x + down * pose[0, 3] - x * down_ahead)
+            c = target[1] * scale * (right_y + across * pose[1, 3] - y * right_ahead)
+            d = target[1] * scale * (down_y + down * pose[1, 3] - y * down_ahead)
+            larger = half * ahead / (ahead - turn)
+            x, y = target[0] * x + target[2], target[1] * y + target[3]
+            wide, tall = larger * (abs(a) + abs(b)), larger * (abs(c) + abs(d))
+            if not (
+                x + wide >= 0 and x - wide <= width - 1 and y + tall >= 0 and y - tall <= height - 1
+            ):
                 continue
-            left, right = min(x[0], x[1], x[2], x[3]), max(x[0], x[1], x[2], x[3])
-            top, bottom = min(y[0], y[1], y[2], y[3]), max(y[0], y[1], y[2], y[3])
-            if not (right >= 0 and left <= width - 1 and bottom >= 0 and top <= height - 1):
+            area = a * d - b * c
+            if not area > SLIVER:  # seen from behind, edge on, or not a number
                 continue
-            area = (x[1] - x[0]) * (y[3] - y[0]) - (y[1] - y[0]) * (x[3] - x[0])
-            if not area > 1e-12:  # seen from behind, edge on, or not a number
-                continue
-            doublings = _doublings(x, y, half)
+            doublings = _doublings(a, b, c, d, area)
             if doublings < 0:
                 continue
             place = first + COARSER * doublings
-            # 1/z is affine in the target's pixels too: take it through three corners.
-            dx = ((w[1] - w[0]) * (y[3] - y[0]) - (w[3] - w[0]) * (y[1] - y[0])) / area
-            dy = ((w[3] - w[0]) * (x[1] - x[0]) - (w[1] - w[0]) * (x[3] - x[0])) / area
-            for v in range(math.ceil(max(0.0, top)), math.floor(min(height - 1.0, bottom)) + 1):
-                for u in range(math.ceil(max(0.0, left)), math.floor(min(width - 1.0, right)) + 1):
-                    if not _inside(u, v, x, y):
-                        continue
-                    hit = w[0] + dx * (u - x[0]) + dy * (v - y[0]) if here > 0.0 else 0.0
+            # 1/z is affine in the target's pixels too.
+            hit_here = here * scale
+            per_right = scale * (across - hit_here * right_ahead) / area
+            per_down = scale * (down - hit_here * down_ahead) / area
+            dx, dy = per_right * d - per_down * c, per_down * a - per_right * b
+            for v in range(
+                math.ceil(max(0.0, y - tall)), math.floor(min(height - 1.0, y + tall)) + 1
+            ):
+                for u in range(
+                    math.ceil(max(0.0, x - wide)), math.floor(min(width - 1.0, x + wide)) + 1
+                ):
+                    hit = hit_here + dx * (u - x) + dy * (v - y) if here > 0.0 else 0.0
                     if hit < 0.0 or (here > 0.0 and hit == 0.0):
                         continue
-                    order = place
-                    if ends != INSIDE:
-                        p, q, _ = map_pixel(u, v, hit, target, home, lens)
-                        if not _covers(p - column, q - row, ends, line[row, column]):
-                            if ends == BEFORE:
-                                continue
-                            order += BEYOND
-                    if not _wins(hit, order, nearest[v, u], rank[v, u], tolerance):
+                    if not _wins(hit, place, nearest[v, u], rank[v, u], tolerance):
                         continue
+                    i, j, _ = map_pixel(u, v, hit, target, home, lens)
+                    i, j = i - column, j - row
+                    if not (abs(i) <= half and abs(j) <= half):
+                        continue
+                    order = place
+                    if ends != INSIDE and not _covers(i, j, ends, line[row, column]):
+                        if ends == BEFORE:
+                            continue
+                        order += BEYOND
+                        if not _wins(hit, order, nearest[v, u], rank[v, u], tolerance):
+                            continue
                     if seen.size and _seen_through(
                         u, v, hit, target, back, witness, seen, tolerance
                     ):
@@ -250,14 +320,12 @@ def _draw(
 
 
 @inlined
-def _doublings(x, y, half):
+def _doublings(a, b, c, d, area):
     """How often a recorded pixel's length has doubled on the screen, or -1 for a streak.
 
-    Length and width are the singular values of the map from recorded to drawn pixels.
+    Length and width are the singular values of the map ((a, b), (c, d)) from recorded to drawn pixels.
     """
-    a, b = (x[1] - x[0]) / (2.0 * half), (x[3] - x[0]) / (2.0 * half)
-    c, d = (y[1] - y[0]) / (2.0 * half), (y[3] - y[0]) / (2.0 * half)
-    both, area = a * a + b * b + c * c + d * d, a * d - b * c
+    both = a * a + b * b + c * c + d * d
     if both < 4.0:  # its length, of which this is the square or more, has not doubled
         return 0
     square = 0.5 * (both + math.sqrt(max(both * both - 4.0 * area * area, 0.0)))
@@ -286,44 +354,6 @@ def _wins(hit, order, held, rank, tolerance):
     if order < rank:
         return hit * (1.0 + close) > held
     return hit > held * (1.0 + close)
-
-
-@inlined
-def _corners(here, across, down, half, row, column, lens, pose, target, x, y, w):
-    """Target pixels and 1/z of a surfel's corners; False if one is behind the target camera or too near.
-
-    Homogeneous: the point at pixel ray r and inverse depth w maps to R r + w t, which also holds at infinity and
-    is affine in the pixel, so the corners are the centre's image plus or minus two steps.
-    """
-    p, q = (column - lens[2]) / lens[0], (row - lens[3]) / lens[1]
-    dp, dq = half / lens[0], half / lens[1]
-    centre_x = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]
-    centre_y = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]
-    centre_z = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
-    for corner in range(4):
-        right = 1.0 if corner == 1 or corner == 2 else -1.0
-        below = 1.0 if corner >= 2 else -1.0
-        step = half * (right * across + below * down)
-        ahead = centre_z + right * dp * pose[2, 0] + below * dq * pose[2, 1] + step * pose[2, 3]
-        if here + step < 0.0 or not ahead > NEAR:
-            return False
-        over = centre_x + right * dp * pose[0, 0] + below * dq * pose[0, 1] + step * pose[0, 3]
-        under = centre_y + right * dp * pose[1, 0] + below * dq * pose[1, 1] + step * pose[1, 3]
-        scale = 1.0 / ahead
-        x[corner] = target[0] * over * scale + target[2]
-        y[corner] = target[1] * under * scale + target[3]
-        w[corner] = (here + step) * scale
-    return True
-
-
-@inlined
-def _inside(u, v, x, y):
-    """Whether a pixel's centre lies in the quadrilateral (corners clockwise on screen)."""
-    for a in range(4):
-        b = (a + 1) % 4
-        if (x[b] - x[a]) * (v - y[a]) - (y[b] - y[a]) * (u - x[a]) < 0.0:
-            return False
-    return True
 
 
 @inlined

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpaug.core import geometry
-from rpaug.render.zbuffer import Source, render, to_bytes
+from rpaug.render.zbuffer import Source, carve, render, to_bytes
 
 EYE, AT = (0.1, -0.7, 0.9), (0.0, 0.0, 0.05)
 
@@ -243,3 +243,19 @@ def test_a_box_is_not_seen_from_inside():
 def test_to_bytes_undoes_the_division():
     grey = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, 2)
     np.testing.assert_array_equal(to_bytes((grey / 255.0).astype(np.float32)), grey)
+
+
+def test_what_a_witness_saw_through_is_carved():
+    """A plane at 1 m; a witness beside it recorded a wall at 2 m behind its left half, and the plane itself at the right."""
+    K, pose, there = pinhole(16, 12), np.eye(4), np.eye(4)
+    there[0, 3] = 0.01
+    depth = np.ones((12, 16), np.float32)
+    seen = np.where(np.arange(16) < 8, 2.0, 1.0) * np.ones((12, 1))
+    rgb, ids = np.zeros((12, 16, 3), np.uint8), np.zeros((12, 16), np.int32)
+    witness = Source(K, there, rgb, seen.astype(np.float32), ids)
+    shown = np.ones((12, 16), bool)
+    shown[0] = False
+    carve(shown, depth, K, pose, [witness], 0.006)
+    assert not shown[0].any()
+    assert not shown[1:, 1:7].any()
+    assert shown[1:, 10:].all()

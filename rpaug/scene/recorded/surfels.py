@@ -20,16 +20,18 @@ they were recorded to where they are now. They come before all others, to keep t
 stand on.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Int32
 
 from rpaug.core.errors import SourceLacks, TargetError
+from rpaug.core.image_cache import held
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import grown
-from rpaug.core.types import Camera, CameraView, Scene
+from rpaug.core.types import Camera, CameraView, Episode, Scene
 from rpaug.render import denoise, holes, unmix, window, zbuffer
 from rpaug.render.gains import matched
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
@@ -45,6 +47,9 @@ HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of stati
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 BLURRED = 0.006  # of the width of photographs: so far a thing shows beside its outline
 BORDER = 0.25  # of an image's longer side: so far what it cuts off is continued
+LIFTED_BYTES = (
+    64 << 20
+)  # of images with footprints that are kept, for all cameras that are drawn at one time
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
 
 
@@ -64,11 +69,20 @@ class Surfels:
     patches: tuple[Source, ...] = ()
     shape: tuple[PartColors, ...] = ()
     edges: holes.Edges = holes.NO_EDGES
+    images: "LiftedImages | None" = None
 
     @property
     def tolerance(self) -> float:
         """The share of depth within which two recordings show one surface."""
         return tolerance(self.noise)
+
+
+@dataclass(frozen=True)
+class LiftedImages:
+    """The images of an episode as other cameras are shown them, by camera and time."""
+
+    episode: Episode
+    of: Callable[[str, int], Source]
 
 
 def tolerance(noise: float) -> float:
@@ -79,7 +93,8 @@ def tolerance(noise: float) -> float:
 def build(scene: Scene, kept: Surfels | None = None) -> Surfels:
     """What `recorded` says of the scene (`kept`, if it was asked before), and patches behind what was edited in it."""
     kept = kept or recorded(scene)
-    return replace(kept, patches=_patches(kept, scene))
+    images = LiftedImages(scene.episode, held(partial(_image, kept, scene), LIFTED_BYTES))
+    return replace(kept, patches=_patches(kept, scene), images=images)
 
 
 def recorded(scene: Scene) -> Surfels:
@@ -258,17 +273,13 @@ def _continued(
     camera, K = scene.cameras[name], own.K.copy()
     K[:2, 2] += margin
     rgb, depth, ids = (widened(image) for image in (own.rgb, own.depth, own.ids))
-    whole = Source(K, own.cam_to_world, rgb, depth, ids, use, carved=True)
+    whole = Source(K, own.cam_to_world, rgb, depth, ids, use)
     beyond = zbuffer.lift(window.trimmed(whole), near)
-    shots = [
-        zbuffer.render(
-            camera.K, camera.cam_to_world[t], (camera.width, camera.height), [beyond], witness, near
-        )
-        for witness in others or (None,)
-    ]
-    shot, farther = shots[0], (drawn.depth == 0) | (shots[0].depth < drawn.depth)
-    found = ~np.any([one.hole for one in shots], axis=0)
-    found &= drawn.hole | (farther & ~among(drawn.ids, scene.moving))
+    pose = camera.cam_to_world[t]
+    shot = zbuffer.render(camera.K, pose, (camera.width, camera.height), [beyond], tolerance=near)
+    farther = (drawn.depth == 0) | (shot.depth < drawn.depth)
+    found = ~shot.hole & (drawn.hole | (farther & ~among(drawn.ids, scene.moving)))
+    zbuffer.carve(found, shot.depth, camera.K, pose, others, near)
     return replace(
         drawn,
         rgb=np.where(found[..., None], shot.rgb, drawn.rgb),
@@ -363,8 +374,9 @@ def _recordings(
 ) -> Iterator[Source]:
     """All recordings that show what was there at time t, where it was then, or their parts that show the piece."""
     views, near = scene.episode.views, surfels.tolerance
-    recorded = source_at(views[own], t, surfels.noise, distant=True)
-    recorded = zbuffer.lift(recorded if piece is None else piece.of(recorded), near)
+    made = surfels.images
+    lifted = made.of if made and made.episode is scene.episode else partial(_image, surfels, scene)
+    recorded = _own(surfels, scene, own, t, piece, lifted)
     yield recorded
 
     def like(source: Source) -> Iterator[Source]:
@@ -379,10 +391,7 @@ def _recordings(
     now = {name: names(view) for name, view in views.items()}
     for name in views:
         if name != own:
-            now_there = source_at(
-                views[name], t, surfels.noise, carved=True, mixed=scene.antialiased
-            )
-            yield from like(now_there)
+            yield from like(lifted(name, t) if piece is None else _there(surfels, scene, name, t))
     for name, kept in surfels.plates.items():
         hidden = kept.known & ~among(now[name], surfels.static - edited)
         if hidden.any():
@@ -393,6 +402,35 @@ def _recordings(
     poses = {body.instance_ids: body.to_world[t] for body in scene.tracked}
     for part in surfels.parts:
         yield from like(part.at(poses[part.instance_ids]))
+
+
+def _own(
+    surfels: Surfels,
+    scene: Scene,
+    name: str,
+    t: int,
+    piece: Window | None,
+    lifted: Callable[[str, int], Source],
+) -> Source:
+    """What the camera itself recorded, or a piece of it; `lifted` gives what others are shown of it."""
+    view, near = scene.episode.views[name], surfels.tolerance
+    assert view.depth is not None
+    depth = view.depth(t)
+    if piece is None and not scene.antialiased and ((depth > 0) & np.isfinite(depth)).all():
+        return replace(lifted(name, t), distant=True, carved=False)
+    recorded = source_at(view, t, surfels.noise, distant=True)
+    return zbuffer.lift(recorded if piece is None else piece.of(recorded), near)
+
+
+def _there(surfels: Surfels, scene: Scene, name: str, t: int) -> Source:
+    """What another camera is shown of a camera's image."""
+    view = scene.episode.views[name]
+    return source_at(view, t, surfels.noise, carved=True, mixed=scene.antialiased)
+
+
+def _image(surfels: Surfels, scene: Scene, name: str, t: int) -> Source:
+    """The same, lifted."""
+    return zbuffer.lift(_there(surfels, scene, name, t), surfels.tolerance)
 
 
 def _shown(own: Source, other: Source, use: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

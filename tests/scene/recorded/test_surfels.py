@@ -167,6 +167,15 @@ def test_images_are_read_lazily(recorded):
     assert asked == [5, 5, 5]
 
 
+def test_images_kept_for_all_cameras_of_a_moment_draw_the_same(recorded):
+    kept, fresh = surfels.build(recorded), surfels.recorded(recorded)
+    for name in ("front", "side"):
+        one, other = (surfels.view(each, moved(recorded, name), name, 5) for each in (kept, fresh))
+        np.testing.assert_array_equal(one.rgb, other.rgb)
+        np.testing.assert_array_equal(one.depth, other.depth)
+        np.testing.assert_array_equal(one.ids, other.ids)
+
+
 @pytest.fixture
 def real(samples: Path) -> Scene:
     """The first real recording, with a stand-in for tracked bodies."""
