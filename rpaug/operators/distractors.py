@@ -1,5 +1,6 @@
 """Put things onto the table that have nothing to do with the task."""
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -68,7 +69,8 @@ class Alike:
 
 @dataclass(frozen=True, kw_only=True)
 class Distractors(Operator):
-    """Insert `count` things drawn from the library, any that fits as likely; painted and scaled as `insert` does.
+    """Insert `count` things drawn from the library, any that fits as likely, none again while others fit there;
+    painted and scaled as `insert` does.
 
     `near` gives the shares of them that stand `within` so many metres of the gripper's low path and of the target;
     the others stand farther from both. A word means all of them, `anywhere` any free place. They stand in the
@@ -165,6 +167,7 @@ class Distractors(Operator):
         fresh = instance_ids.free(scene, self.count)
         things: list[Edit] = []
         asked: Counter[str] = Counter()
+        stand: Counter[str] = Counter()
         elsewhere: Counter[str] = Counter()
         group: Group = None
         # Chances a step apart, so that the shares hold as nearly as so few things allow.
@@ -174,9 +177,10 @@ class Distractors(Operator):
                 wanted, group = self._wanted((start + number / self.count) % 1), None
             asked[wanted] += 1
             alike = self._alike(scene, target, offered, rng)
-            for zone, beside in self._order(wanted, group):
+            order = itertools.product(self._order(wanted, group), _fewest_first(alike, stand))
+            for (zone, beside), choices in order:
                 close = MARGIN if zone == "anywhere" and beside is None else CLOSE
-                stood = _stood_in(room, found[zone], beside, close, alike, views, self.hides, rng)
+                stood = _stood_in(room, found[zone], beside, close, choices, views, self.hides, rng)
                 if stood is not None:
                     break
             else:
@@ -186,6 +190,7 @@ class Distractors(Operator):
             if zone != wanted:
                 elsewhere[wanted] += 1
             one, outline, views = stood
+            stand[one["asset"]] += 1
             room = room.with_thing(outline)
             group = room.covered(outline) | (False if group is None else group)
             things.append({"handle": fresh[number], **one})
@@ -231,6 +236,15 @@ class Distractors(Operator):
             size = np.array(size_cm(points_of(scene, target))) / 100
             return replace(_shaped(offered.choices, size, self.size), color=offered.color)
         return offered
+
+
+def _fewest_first(alike: Alike, stand: Counter[str]) -> Iterator[Alike]:
+    """Those of which the fewest stand already, then any."""
+    least = min(stand[asset.name] for asset in alike.choices)
+    fewest = tuple(one for one in alike.choices if stand[one.name] == least)
+    if len(fewest) < len(alike.choices):
+        yield replace(alike, choices=fewest)
+    yield alike
 
 
 def _shaped(

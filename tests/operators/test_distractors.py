@@ -104,6 +104,28 @@ def test_a_smaller_thing_is_drawn_where_the_first_does_not_fit() -> None:
     assert max(library.get(name).largest for name in names) < 0.15
 
 
+def test_none_stands_twice_while_others_fit() -> None:
+    names = ("can_red", "die", "apple")
+    for seed in range(4):
+        for count, most in ((3, 1), (4, 2)):
+            things = drawn(seed, assets=names, count=count)["things"]
+            stand = [sum(thing["asset"] == name for thing in things) for name in names]
+            assert max(stand) == most
+
+
+def test_what_fits_stands_twice_where_the_rest_does_not(monkeypatch) -> None:
+    fitting = distractors._stood_in
+    monkeypatch.setattr(
+        distractors, "_stood_in",
+        lambda room, zone, group, margin, alike, *rest: (
+            None if [one.name for one in alike.choices] == ["die"]
+            else fitting(room, zone, group, margin, alike, *rest)
+        ),
+    )  # fmt: skip
+    things = drawn(0, assets=("can_red", "die"), count=3)["things"]
+    assert len(things) == 3
+
+
 def test_sizes_bound_the_longest_side() -> None:
     edits = [drawn(seed, count=3, size=(0.04, 0.07)) for seed in range(4)]
     names = {thing["asset"] for edit in edits for thing in edit["things"]}

@@ -246,7 +246,7 @@ def test_to_bytes_undoes_the_division():
 
 
 def test_what_a_witness_saw_through_is_carved():
-    """A plane at 1 m; a witness beside it recorded a wall at 2 m behind its left half, and the plane itself at the right."""
+    """A plane at 1 m, and a witness beside it that saw a wall at 2 m in place of its left half."""
     K, pose, there = pinhole(16, 12), np.eye(4), np.eye(4)
     there[0, 3] = 0.01
     depth = np.ones((12, 16), np.float32)
