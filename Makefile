@@ -7,11 +7,13 @@ BIN := $(VENV)/bin
 .PHONY: demo test check unit wheel docs test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
 .DEFAULT_GOAL := test
 
+# The path file is for a Python that starts in the folder that holds the clone: it would take that for the package.
 $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || python3 -m venv $(VENV)
 	@echo "installing torch and what rpaug needs into $(VENV): some minutes, once"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "$(TORCH)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+	$(BIN)/python -c "import site; print(site.getsitepackages()[0])" | xargs -I % sh -c 'echo "$(CURDIR)" > "%/rpaug_clone.pth"'
 	touch $@
 
 demo: $(VENV)/.installed

@@ -1,6 +1,8 @@
 """The lines of the quickstart run as they stand, on small datasets of each layout."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,3 +61,13 @@ def test_its_lines_run_as_they_stand(
     assert [line.split()[1] for line in lines][-2:] == ["augment", "verify"]
     for line in lines:
         run(line)
+
+
+def test_the_package_is_found_beside_its_clone(tmp_path: Path) -> None:
+    """A folder called rpaug where Python starts is the clone, not the package."""
+    (tmp_path / "rpaug" / "rpaug").mkdir(parents=True)
+    told = subprocess.run(
+        [sys.executable, "-c", "import rpaug; print(rpaug.read.__name__)"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert told.stdout.strip() == "read", told.stderr
