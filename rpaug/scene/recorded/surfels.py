@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Int32
 
@@ -264,9 +265,10 @@ def _continued(
     margin = round(BORDER * max(own.ids.shape))
 
     def widened(image: np.ndarray) -> np.ndarray:
-        return np.pad(image, [(margin, margin)] * 2 + [(0, 0)] * (image.ndim - 2), mode="edge")
+        return cv2.copyMakeBorder(image, margin, margin, margin, margin, cv2.BORDER_REPLICATE)
 
-    use = widened(among(own.ids, scene.moving - modelled) & (own.use is None or own.use))
+    shown = among(own.ids, scene.moving - modelled) & (own.use is None or own.use)
+    use = widened(shown.view(np.uint8)).view(np.bool_)
     use[margin:-margin, margin:-margin] = False
     if not use.any():
         return drawn, np.zeros_like(drawn.hole)
