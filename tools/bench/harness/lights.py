@@ -7,14 +7,19 @@ from tools.bench.harness import pages
 from tools.bench.harness.cases import ESTIMATED, TOLD
 from tools.bench.harness.edits import BASELINES, TOLD_MORE, EditRow, EditSetting, Light
 
-TOPIC = "lights"
 TITLES: Mapping[Light, str] = {
     "plain": "without cast shadows or highlights",
     "shadows": "under cast shadows",
     "highlights": "under highlights",
     "both": "under cast shadows and highlights",
 }
-assert set(TITLES) == set(get_args(Light))
+TOPICS: Mapping[Light, str] = {
+    "plain": "lights",
+    "shadows": "lights",
+    "highlights": "highlights",
+    "both": "lights",
+}
+assert set(TITLES) == set(TOPICS) == set(get_args(Light))
 
 # Of estimated edits, dB at least.
 TARGETS: Mapping[Light, Mapping[str, int]] = {
