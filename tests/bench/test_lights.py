@@ -21,12 +21,22 @@ def test_a_row_holds_means_over_seeds_and_the_best_that_knows_no_more() -> None:
     rows += [row("object_color", edits.NONE, 20.0), row("camera_pose", TOLD, 27.0)]
     made = lights.table(edits.EditSetting(light="shadows"), rows, "python -m tools.bench.edits")
     aimed = {"value": 35.0, "target": ">= 33"}
+    leads = [{"value": lead, "target": ">= 0"} for lead in (20.0, 15.0)]
     assert made.rows == [
-        ["object_color", 45.0, 30.0, aimed, 20.0, 2.0, 0],
-        ["camera_pose", 27.0, "-", "-", "-", 2.0, 0],
+        ["object_color", 45.0, 40.0, 30.0, leads[0], aimed, 35.0, 20.0, leads[1], 2.0, 0],
+        ["camera_pose", 27.0, 27.0, "-", "-", "-", "-", "-", "-", 2.0, 0],
     ]
+    found = dict(zip(made.columns, made.rows[0], strict=True))
+    assert found["least lead, estimated"] == leads[1]
     assert made.id == "shadows"
     assert made.seeds.startswith("seeds 0 (open_drawer), 1 (open_drawer), 17 frames")
+
+
+def test_a_seed_below_its_own_baseline_is_a_miss_whatever_the_means_are() -> None:
+    rows = [row("table_color", ESTIMATED, 50.0), row("table_color", edits.NONE, 20.0)]
+    rows += [row("table_color", ESTIMATED, 33.0, 1), row("table_color", edits.NONE, 35.0, 1)]
+    made = lights.table(edits.EditSetting(light="shadows"), rows, "")
+    assert list(made.misses()) == ["table_color, least lead, estimated: -2.0 (≥0)"]
 
 
 @pytest.mark.gl

@@ -48,7 +48,7 @@ def edits(
     ] = None,
     lpips: Annotated[Path | None, typer.Option(help="LPIPS' state dict for VGG16.")] = None,
     clip: Annotated[Path | None, typer.Option(help="Folder of a CLIP model.")] = None,
-    record: Annotated[bool, typer.Option(help="Also put a table on the page of lights.")] = False,
+    record: Annotated[bool, typer.Option(help="Also put a table on that light's page.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Measure every factor's edit, and baselines, against the factor truly changed.
@@ -86,7 +86,7 @@ def edits(
     if record:
         given = [one for one in sys.argv[1:] if one != "--record"]
         command = " ".join(["python -m tools.bench.edits", *given])
-        pages.record(lights.TOPIC, lights.table(setting, rows, command))
+        pages.record(lights.TOPICS[light], lights.table(setting, rows, command))
     if as_json:
         print_json({"out": str(out), "skipped": skipped, "summary": found})
     else:

@@ -118,7 +118,7 @@ def main() -> None:
     made = table(given, rows(found), tested(given.seed, given.frames))
     print(made.markdown())
     if given.record:
-        pages.record("cast_shadows", made)
+        pages.record("recast", made)
 
 
 if __name__ == "__main__":

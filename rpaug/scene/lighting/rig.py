@@ -1,8 +1,9 @@
 """The lamps that a recording was lit by, told by the shadows that they cast (Sato, Sato and Ikeuchi 2003).
 
 Pixel = albedo x (ambient + sum of strength x reached x max(0, normal . direction)). Known surfaces say which places
-each direction reaches, at each time. A thing's albedo is one number here, what its pattern varies by is noise: the
-lamps are those whose light explains most of what things' brightness varies by, one after another.
+each direction reaches, at each time. A thing's albedo is one number here, what its pattern varies by is noise; a
+place that rests and grows darker for a time has its own. The lamps are those whose light explains most of what
+brightness varies by, one after another.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,7 @@ EXPLAINED = 0.5  # of what grows darker, that the lamps' shadows make up for, at
 
 FRAMES = 4
 PIXELS = 130  # of one image
+DARKENED = 600  # places that rest and grow darker for a time, of all images
 DARK, BRIGHT = 0.03, 0.98  # of the brightest channel: outside, nothing is measured
 SEEN = 30  # pixels of a thing, from which it counts
 DIRECTIONS = 160  # tried, over the upper half space
@@ -142,7 +144,7 @@ def _find(scene: Scene) -> Rig | None:
     fell = _fell(scene)
     if not _often(fell):
         return None
-    found = _Fitter(scene, _sample(scene)).fitted()
+    found = _Fitter(scene, _sample(scene, fell)).fitted()
     return None if found is None or _explained(scene, fell, found) < EXPLAINED else found
 
 
@@ -210,7 +212,7 @@ def _light(scene: Scene, one: _Darkened, t: int, lamps: Rig) -> Float32[np.ndarr
 
 @dataclass(frozen=True)
 class _Samples:
-    """Pixels of several cameras and times: log brightness, the thing each shows, and where it lies."""
+    """Pixels of several cameras and times: log brightness, whose albedo each has, and where it lies."""
 
     level: Float64[np.ndarray, "n"]
     owner: Int64[np.ndarray, "n"]
@@ -218,7 +220,30 @@ class _Samples:
     places: casting.Discs
 
 
-def _sample(scene: Scene) -> _Samples:
+def _sample(scene: Scene, fell: "Sequence[_Darkened]") -> _Samples:
+    """Pixels of things, and places that grow darker for a time, at all times looked at."""
+    parts = [_of_things(scene)]
+    count = int(parts[0].owner.max(initial=-1)) + 1
+    step = max(1, sum(len(one.rows) for one in fell) // DARKENED)
+    for one in fell:
+        rows = one.rows[::step]
+        for t in one.times.tolist():
+            _, places = casting.discs_of(one.view, t, rows)
+            color = one.view.rgb(t).reshape(-1, 3)[rows] / 255.0
+            level = np.log(np.maximum(color.mean(1), DARK))
+            parts.append(
+                _Samples(level, count + np.arange(len(rows)), np.full(len(rows), t), places)
+            )
+        count += len(rows)
+    return _Samples(
+        np.concatenate([one.level for one in parts]),
+        np.concatenate([one.owner for one in parts]),
+        np.concatenate([one.time for one in parts]),
+        casting.joined([one.places for one in parts]),
+    )
+
+
+def _of_things(scene: Scene) -> _Samples:
     found = []
     for t in sampling.frames(scene.episode.length, FRAMES):
         for view in casting.known(scene.episode):

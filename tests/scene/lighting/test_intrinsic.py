@@ -46,6 +46,15 @@ def test_the_lamps_are_found_by_their_shadows(shaded):
     assert (np.abs(np.array(found.strengths) - 0.5) < 0.08).all()
 
 
+def test_places_that_grow_darker_tell_lamps_that_patterns_hide():
+    """Here a lamp overhead fits the patterns of what rests better than those that cast the shadows."""
+    take = twin.perform("push_button", 10, frames=17, look=twin.Look(shadows=True))
+    found = rig.find(build(take.episode, with_bodies=True))
+    assert found is not None
+    nearest = np.sort((np.array(found.directions) @ true_directions().T).max(0))
+    assert (nearest[1:] > np.cos(np.deg2rad(2.0))).all()
+
+
 def test_level_ground_that_all_lamps_reach_has_light_one(shaded):
     found = rig.find(shaded[1])
     up = np.array([[0, 0, 1]], np.float32)
