@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, Int64
 
@@ -33,6 +34,7 @@ FLAT = 0.65  # share of a thing's pixels in the support's plane, if it is part o
 NEAR = 0.12  # of depth: so near to the plane counts as in it
 BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
 APART = 9.0  # weighted Lab: what lies in that plane and differs by more is something else
+REST = 0.3  # of a thing's size: so far from it are pixels of its color its own
 FOREIGN = 0.3  # of a segment has the support's color, or it is none of it
 ALIKE = 0.5  # of a segment has the support's color, if it is a part of it
 OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
@@ -74,7 +76,7 @@ class InstanceMap:
     ) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels, from what its segments are `named` and those of the frames `beside` it."""
         told = self._cleared(look, self._told(look, named, beside))
-        return self._grown(self._ended(look, told)).astype(np.int32)
+        return self._grown(self._joined(look, self._ended(look, told))).astype(np.int32)
 
     def _told(
         self,
@@ -108,15 +110,20 @@ class InstanceMap:
     def _cleared(
         self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
     ) -> Int32[np.ndarray, "h w"]:
-        """The same without segments of the support that have little of its color, in light or in shade: what was
+        """The same without segments of the support that have little of its color, be it that of this frame: what was
         put there, or is carried past, fills the support's cells too."""
-        if self.color is None:
+        held = np.isin(named, list(self.support))
+        if self.color is None or not held.any():
             return named
         patch, shown = look.segments, color_clusters.weighted(look.rgb)
-        own = _alike(look, self.color) | color_clusters.shaded(shown, self.color)
-        share = np.bincount(patch.ravel(), own.ravel()) / np.maximum(np.bincount(patch.ravel()), 1)
-        foreign = np.isin(named, list(self.support)) & (share < FOREIGN)[patch]
-        return np.where(foreign, BACKGROUND, named).astype(np.int32)
+        own = np.zeros(held.shape, bool)
+        for color in (self.color, np.median(shown[held], 0)):  # exposure may have changed
+            own |= np.linalg.norm(shown - color, axis=-1) < APART
+            own |= color_clusters.shaded(shown, color)
+        count = np.bincount(patch.ravel())
+        foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
+        foreign &= count > SLIVER * patch.size  # joints of boards are its own
+        return np.where(held & foreign[patch], BACKGROUND, named).astype(np.int32)
 
     def rough(self, look: PosedFrame) -> np.ndarray:
         """What a frame's segments are by the cells that they fill."""
@@ -162,6 +169,28 @@ class InstanceMap:
         given = (cut != known[named]) & (cut < first)
         rest = _spread(named, known[named] >= first)
         return np.where(given, rest, np.where(cut >= first, cut - first, named))
+
+    def _joined(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
+        """Small things with the pixels at their outlines that have their color and not that of what they are named as:
+        what is left of a removed thing would be painted on."""
+        shown, out = color_clusters.weighted(look.rgb), named.copy()
+        for instance_id in np.unique(named[self._small(named)[named]]).tolist():
+            mine = named == instance_id
+            reach = max(2, round(REST * float(np.sqrt(mine.sum()))))
+            near = grown(mine, reach) & ~mine
+            off = np.linalg.norm(shown - np.median(shown[mine], 0), axis=-1)
+            loose = near & (off < APART)
+            for other in np.unique(named[loose]).tolist():
+                there = named == other
+                if (
+                    np.linalg.norm(np.median(shown[there], 0) - np.median(shown[mine], 0))
+                    < 2 * APART
+                ):
+                    loose &= ~there
+            if loose.any():
+                _, parts = cv2.connectedComponents((loose | mine).astype(np.uint8))
+                out[loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
+        return out
 
     def _grown(self, named: np.ndarray) -> np.ndarray:
         """Small things with the pixels around them that their blurred outlines take of the support."""

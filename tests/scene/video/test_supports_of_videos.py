@@ -95,3 +95,15 @@ def test_a_part_that_one_frame_alone_shows_apart_is_the_support_if_it_has_its_co
     looks = [above(TAN) for _ in range(12)] + [above(color)]
     looks[-1].__dict__["segments"] = (named == THING).astype(np.int32)
     assert instances.with_support(found, looks, 0.0).support == support
+
+
+def test_a_thing_takes_what_its_color_says_is_left_of_it() -> None:
+    """A segment that mixes thing and support leaves a corner of the thing outside."""
+    look, small = above(TAN), np.s_[20:29, 30:39]
+    look.rgb[small] = RED
+    named = np.full((H, W), TABLE, np.int32)
+    named[20:27, 32:39] = THING
+    found = mapped(look, named)._joined(look, named)
+    assert (found[small] == THING).all()
+    found[small] = TABLE
+    assert (found == TABLE).all()
