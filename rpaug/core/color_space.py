@@ -279,7 +279,11 @@ def _turn(name: str, shade: str) -> float:
 
 
 def typical(pixels: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
-    """The color of a thing from its pixels, in 0..1: their mean without the darkest and lightest quarter."""
+    """The color of a thing from its pixels, in 0..1: their mean without the darkest and lightest quarter.
+
+    Of two pixels none lies between the quarters: both count.
+    """
     light = pixels @ np.array([0.299, 0.587, 0.114])
     low, high = np.percentile(light, [25, 75])
-    return pixels[(light >= low) & (light <= high)].mean(0) / 255.0
+    inner = pixels[(light >= low) & (light <= high)]
+    return (inner if len(inner) else pixels).mean(0) / 255.0

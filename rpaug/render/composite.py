@@ -83,7 +83,9 @@ def _edited(
     headroom: Headroom | None,
     keep: bool = True,
 ) -> Float32[np.ndarray, "n 3"]:
-    """Edited colors of surfaces that have the headroom of the pixels `at`."""
+    """Edited colors of surfaces that have the headroom of the pixels `at`; a thin line is all outline, with none."""
+    if not len(color):
+        return color
     return headroom.edited(edit, color, surface, at, keep) if headroom else edit(color, surface)
 
 

@@ -71,6 +71,11 @@ def test_typical_leaves_out_highlights_and_shadows() -> None:
     np.testing.assert_allclose(color_space.typical(pixels), np.array([200, 10, 10]) / 255)
 
 
+def test_typical_of_two_pixels_is_their_mean() -> None:
+    pixels = np.array([[40, 40, 40], [60, 60, 60]], np.uint8)
+    np.testing.assert_allclose(color_space.typical(pixels), np.full(3, 50) / 255)
+
+
 # Sharma, Wu, Dalal: The CIEDE2000 Color-Difference Formula (2005), table 1.
 SHARMA = """
 50.0000 2.6772 -79.7751 50.0000 0.0000 -82.7485 2.0425

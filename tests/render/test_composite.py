@@ -183,3 +183,22 @@ def test_each_row_is_told_its_own_pixel_and_mixed_ones_outside_the_nearest_insid
     outside = (out != rgb).any(-1) & ~mask
     assert outside.any() == antialiased
     assert len(given) >= mask.sum() + outside.sum()
+
+
+def test_a_line_that_is_all_outline_asks_for_no_edit_of_no_pixels() -> None:
+    """A line a pixel wide has no pixel that is wholly its own."""
+
+    @dataclass(frozen=True)
+    class Some:
+        instance_ids: frozenset[int] | None = frozenset({5})
+
+        def __call__(self, color: np.ndarray, surface: object) -> np.ndarray:
+            assert len(color)
+            return 1 - color
+
+    rgb = np.full((9, 9, 3), 100, np.uint8)
+    rgb[:, 4] = 160
+    ids = np.ones((9, 9), np.int32)
+    ids[:, 4] = 5
+    out = composite(rgb, ids, [Some()], True)
+    assert (out[:, 6:] == rgb[:, 6:]).all()

@@ -4,6 +4,7 @@ __all__ = [
     "backdrop",
     "by_models",
     "by_motion",
+    "color_clusters",
     "found",
     "ground_plane",
     "grouping",

@@ -238,6 +238,10 @@ def _drawn(
         witness=known[0], tolerance=surfels.tolerance,
     )  # fmt: skip
     moved = frozenset(one for edit in carried(scene, t) for one in edit.instance_ids)
+    painted = np.zeros_like(drawn.hole)
+    if moved and _rim(scene):
+        support = scene.roles.get("table", frozenset())
+        drawn, painted = unseen.closed(drawn, known[0].ids, support, scene.inpaint)
     witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
     continued = np.zeros_like(drawn.hole)
     if not _stands(camera, scene.episode.views[name].camera, t):
@@ -247,7 +251,7 @@ def _drawn(
     filled = holes.fill(drawn, witness)
     # Patches, stretched surfels and what goes on beyond a border are invented as much as what single views are filled
     # with. The robot's shape is not: it was held against the recording.
-    invented = drawn.rough | continued | (drawn.source >= len(known) + len(shape))
+    invented = drawn.rough | continued | painted | (drawn.source >= len(known) + len(shape))
     return drawn, replace(filled, hole=drawn.hole | invented)
 
 

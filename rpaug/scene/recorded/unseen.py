@@ -8,8 +8,9 @@ continues the surfaces around the hole; where one plane explains what is seen of
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, UInt8
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 
 from rpaug.core import pixels
 from rpaug.core.types import Camera
@@ -22,6 +23,8 @@ FEWEST = 2  # pixels: a hole smaller than this is left to the filling of single 
 RING = 12  # pixels around a hole that tell the surfaces which it continues
 MARGIN = 24  # pixels around a hole that its texture is painted from
 EXPLAINED = 0.8  # share of a surface's pixels around a hole that lie on one plane, if it is one
+FLAT = 0.02  # of depth: so near to its plane lies a support whose depth was worked out from images
+THROUGH = 1.15  # times the support's distance from which something is behind it
 PASSES = 3  # of the plane's fit, each on what the last explains
 
 
@@ -106,6 +109,33 @@ def _painted(view: Background, method: str, tolerance: float) -> Source:
         K=view.camera.K, cam_to_world=view.camera.cam_to_world[0], rgb=rgb, depth=depth,
         ids=filled.ids, use=view.hole, carved=True,
     )  # fmt: skip
+
+
+def closed(
+    drawn: Rendered, recorded: Int32[np.ndarray, "h w"], support: frozenset[int], method: str
+) -> tuple[Rendered, Bool[np.ndarray, "h w"]]:
+    """A view with its support painted where, within the outline that its own image `recorded` shows of that, nothing or
+    something far behind it is drawn; and where that is. Depth worked out from images leaves gaps in a table."""
+    own = (drawn.source == 0) & among(recorded, support) & (drawn.depth > 0)
+    plane = _plane(drawn.depth, own, FLAT)
+    if plane is None:
+        return drawn, np.zeros_like(own)
+    outline, corners = np.zeros(own.shape, np.uint8), np.argwhere(own)[:, ::-1].astype(np.int32)
+    cv2.fillConvexPoly(outline, cv2.convexHull(corners), 1)
+    near = _on(plane, own.shape)
+    through = drawn.hole | ((drawn.source != 0) & (near * drawn.depth > THROUGH))
+    through &= (outline > 0) & (near > 0)
+    if not through.any():
+        return drawn, through
+    rgb = _texture(drawn.image, through, own, method).astype(np.float32) / np.float32(255)
+    most = np.bincount(drawn.ids[own]).argmax()
+    return replace(
+        drawn,
+        rgb=np.where(through[..., None], rgb, drawn.rgb),
+        depth=np.where(through, 1 / np.maximum(near, 1e-9), drawn.depth).astype(np.float32),
+        ids=np.where(through, most, drawn.ids).astype(np.int32),
+        hole=drawn.hole & ~through,
+    ), through
 
 
 def _plane(

@@ -4,16 +4,17 @@ What a segment is in one image is told by color alone, so that its outline is th
 several images are one thing is told by where they are.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Bool, Float32, Float64, Int32, Int64
 
 from rpaug.core import geometry
 from rpaug.core.pixels import filled, grown
-from rpaug.scene.instances import grouping, outlines
+from rpaug.scene.instances import color_clusters, grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
 
 BACKGROUND = 1  # instance id of all that is no thing
@@ -32,6 +33,10 @@ RIM = 1  # pixels around a thing that are part support, part thing
 FLAT = 0.65  # share of a thing's pixels in the support's plane, if it is part of that: a chair before it has 0.59
 NEAR = 0.12  # of depth: so near to the plane counts as in it
 BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
+APART = 9.0  # weighted Lab: what lies in that plane and differs by more is something else
+REST = 0.3  # of a thing's size: so far from it are pixels of its color its own
+FOREIGN = 0.3  # of a segment has the support's color, or it is none of it
+ALIKE = 0.5  # of a segment has the support's color, if it is a part of it
 OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
 FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
 SOME = 3  # pixels of a group in a cell that count
@@ -41,15 +46,17 @@ REACH = 2**20  # cells
 
 @dataclass(frozen=True, eq=False)
 class InstanceMap:
-    """Handles by cell of the world, `names` of each instance id's color, and the support: its instance ids and its
-    height.
+    """Handles by cell of the world (`codes` in rising order, and the instance id of each), and the support: its
+    instance ids and its height.
     """
 
     cell: float
-    instance_ids: Mapping[tuple[int, int, int], int]
+    codes: Int64[np.ndarray, "n"]
+    instance_ids: Int32[np.ndarray, "n"]
     count: int
     support: frozenset[int] = frozenset()
     level: float | None = None
+    color: Float32[np.ndarray, "3"] | None = None  # of the support, weighted Lab
 
     @property
     def every(self) -> list[int]:
@@ -58,25 +65,91 @@ class InstanceMap:
 
     def at(self, points: Float32[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
         """Handles of points in the world."""
-        found = _looked_up(np.floor(points / self.cell).astype(np.int64), self.instance_ids)
+        found = self._known(points)
         return np.where(found > 0, found, BACKGROUND).astype(np.int32)
 
-    def of(self, look: PosedFrame) -> Int32[np.ndarray, "h w"]:
-        """Handles of one frame's pixels."""
-        return self._grown(self._ended(look, self._rough(look))).astype(np.int32)
+    def of(
+        self,
+        look: PosedFrame,
+        named: Int32[np.ndarray, "h w"],
+        beside: Sequence[tuple[PosedFrame, Int32[np.ndarray, "h w"]]] = (),
+    ) -> Int32[np.ndarray, "h w"]:
+        """Handles of one frame's pixels, from what its segments are `named` and those of the frames `beside` it."""
+        told = self._cleared(look, self._told(look, named, beside))
+        return self._grown(self._joined(look, self._ended(look, told))).astype(np.int32)
 
-    def _rough(self, look: PosedFrame) -> np.ndarray:
-        """Handles of whole segments."""
+    def _told(
+        self,
+        look: PosedFrame,
+        named: Int32[np.ndarray, "h w"],
+        beside: Sequence[tuple[PosedFrame, Int32[np.ndarray, "h w"]]],
+    ) -> Int32[np.ndarray, "h w"]:
+        """The same with segments that no cell names named as most of the pixels that the frames `beside` it show there:
+        what the image's edge cuts off has its depth off, and so lies in no known cell."""
         patch = look.segments
-        keys = np.floor(look.points / self.cell).astype(np.int64)
-        known = _looked_up(keys.reshape(-1, 3), self.instance_ids).reshape(patch.shape)
+        votes = np.zeros((int(patch.max()) + 1, FIRST + self.count), np.int64)
+        for other, ids in beside:
+            row, column, z = look.sees(other.points)
+            inside = row >= 0
+            row, column, z, seen = row[inside], column[inside], z[inside], ids[inside]
+            near = np.abs(look.depth[row, column] - z) < SAME * z
+            np.add.at(votes, (patch[row[near], column[near]], seen[near]), 1)
+        best, total = votes.argmax(1), votes.sum(1)
+        sure = votes[np.arange(len(votes)), best] > MUTUAL * total
+        sure &= (best >= FIRST) & (total > MUTUAL * np.bincount(patch.ravel()))
+        return np.where((named == BACKGROUND) & sure[patch], best[patch], named).astype(np.int32)
+
+    def _known(self, points: Float64[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
+        """Handles of the cells that points are in, 0 of cells without one."""
+        if not len(self.codes):
+            return np.zeros(len(points), np.int32)
+        asked = _packed(np.floor(points / self.cell).astype(np.int64))
+        place = np.minimum(np.searchsorted(self.codes, asked), len(self.codes) - 1)
+        return np.where(self.codes[place] == asked, self.instance_ids[place], 0).astype(np.int32)
+
+    def _cleared(
+        self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
+    ) -> Int32[np.ndarray, "h w"]:
+        """The same without segments of the support that have little of its color, be it that of this frame: what was
+        put there, or is carried past, fills the support's cells too."""
+        held = np.isin(named, list(self.support))
+        if self.color is None or not held.any():
+            return named
+        patch, shown = look.segments, color_clusters.weighted(look.rgb)
+        own = np.zeros(held.shape, bool)
+        for color in (self.color, np.median(shown[held], 0)):  # exposure may have changed
+            own |= np.linalg.norm(shown - color, axis=-1) < APART
+            own |= color_clusters.shaded(shown, color)
+        count = np.bincount(patch.ravel())
+        foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
+        foreign &= count > SLIVER * patch.size  # joints of boards are its own
+        return np.where(held & foreign[patch], BACKGROUND, named).astype(np.int32)
+
+    def rough(self, look: PosedFrame) -> np.ndarray:
+        """What a frame's segments are by the cells that they fill."""
+        patch = look.segments
+        known = self._known(look.points.reshape(-1, 3)).reshape(patch.shape)
         number = int(patch.max()) + 1
         votes = np.zeros((number, FIRST + self.count), np.int64)
         np.add.at(votes, (patch.ravel(), known.ravel()), 1)
         best = votes[:, FIRST:].argmax(1) + FIRST if self.count else np.full(number, BACKGROUND)
         enough = votes[np.arange(number), best] >= SHARE * votes.sum(1)
+        if self.support and self.color is not None:
+            lies = ~enough & self._lies(look, number)
+            best[lies], enough = min(self.support), enough | lies
         sliver = ~enough & (votes.sum(1) < SLIVER * patch.size)
         return _spread(np.where(enough, best, BACKGROUND)[patch], sliver[patch])
+
+    def _lies(self, look: PosedFrame, number: int) -> Bool[np.ndarray, "k"]:
+        """Which of a frame's segments lie in the support's plane and have its color: a part of it that a frame shows
+        otherwise than the rest do (blurred, or cut off) is no named instance."""
+        assert self.level is not None
+        assert self.color is not None
+        patch = look.segments.ravel()
+        flat = np.bincount(patch, _in_plane(look, self.level).ravel(), minlength=number)
+        alike = np.bincount(patch, _alike(look, self.color).ravel(), minlength=number)
+        count = np.bincount(patch, minlength=number)
+        return (flat > FLAT * count) & (alike > ALIKE * count)
 
     def _small(self, named: np.ndarray) -> np.ndarray:
         """Which instance ids are of small things, not of what they stand on or before."""
@@ -96,6 +169,28 @@ class InstanceMap:
         given = (cut != known[named]) & (cut < first)
         rest = _spread(named, known[named] >= first)
         return np.where(given, rest, np.where(cut >= first, cut - first, named))
+
+    def _joined(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
+        """Small things with the pixels at their outlines that have their color and not that of what they are named as:
+        what is left of a removed thing would be painted on."""
+        shown, out = color_clusters.weighted(look.rgb), named.copy()
+        for instance_id in np.unique(named[self._small(named)[named]]).tolist():
+            mine = named == instance_id
+            reach = max(2, round(REST * float(np.sqrt(mine.sum()))))
+            near = grown(mine, reach) & ~mine
+            off = np.linalg.norm(shown - np.median(shown[mine], 0), axis=-1)
+            loose = near & (off < APART)
+            for other in np.unique(named[loose]).tolist():
+                there = named == other
+                if (
+                    np.linalg.norm(np.median(shown[there], 0) - np.median(shown[mine], 0))
+                    < 2 * APART
+                ):
+                    loose &= ~there
+            if loose.any():
+                _, parts = cv2.connectedComponents((loose | mine).astype(np.uint8))
+                out[loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
+        return out
 
     def _grown(self, named: np.ndarray) -> np.ndarray:
         """Small things with the pixels around them that their blurred outlines take of the support."""
@@ -131,13 +226,10 @@ def find(looks: Sequence[PosedFrame]) -> InstanceMap:
     number, sizes = np.unique(mine, return_counts=True)
     order = [h for _, h in sorted(zip(-sizes, number, strict=True)) if h >= 0]
     kept = [h for h in order if sizes[np.searchsorted(number, h)] >= FEWEST][:MOST]
-    instance_id = {int(h): FIRST + k for k, h in enumerate(kept)}
-    cells = {
-        tuple(key): instance_id[int(h)]
-        for key, h in zip(_unpacked(codes).tolist(), mine.tolist(), strict=True)
-        if int(h) in instance_id
-    }
-    return InstanceMap(cell, cells, len(kept))
+    held = np.isin(mine, kept)
+    number_of = np.zeros(len(group) + 1, np.int32)
+    number_of[np.array(kept, np.int64)] = FIRST + np.arange(len(kept), dtype=np.int32)
+    return InstanceMap(cell, codes[held], number_of[mine[held]], len(kept))
 
 
 def _hidden(look: PosedFrame) -> np.ndarray:
@@ -224,42 +316,54 @@ def joined(count: int, edges: np.ndarray) -> np.ndarray:
     return root
 
 
-def _looked_up(keys: np.ndarray, instance_ids: Mapping[tuple[int, int, int], int]) -> np.ndarray:
-    different, of = np.unique(_packed(keys), return_inverse=True)
-    found = np.array([instance_ids.get(tuple(key), 0) for key in _unpacked(different).tolist()])
-    return found[of]
-
-
 def _packed(cells: np.ndarray) -> np.ndarray:
     """Three whole numbers in one, which sorts faster; what is farther than REACH cells is brought there."""
     near = np.clip(cells, -REACH, REACH - 1) + REACH
     return (near[:, 0] * 2 * REACH + near[:, 1]) * 2 * REACH + near[:, 2]
 
 
-def _unpacked(codes: np.ndarray) -> np.ndarray:
-    side = 2 * REACH
-    return np.stack([codes // side**2, codes // side % side, codes % side], 1) - REACH
-
-
 def with_support(things: InstanceMap, looks: Sequence[PosedFrame], level: float) -> InstanceMap:
-    """The same in a world whose z is up, with the plane at `level` as the support: the things that mostly lie there."""
-    votes = np.zeros((FIRST + things.count, 2))
-    for look in looks:
-        ids, met = (
-            things._rough(look),
-            plane_depth(look.K, look.cam_to_world, look.depth.shape, level),
-        )
-        there = (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
-        votes[:, 0] += np.bincount(ids[there], minlength=len(votes))
-        votes[:, 1] += np.bincount(ids.ravel(), minlength=len(votes))
-    share = votes[:, 0] / np.maximum(votes[:, 1], 1)
-    large = votes[:, 1] > BROAD * sum(look.depth.size for look in looks)
-    support = np.flatnonzero((share > FLAT) & large)
-    if not len(support[support >= FIRST]):
+    """The same in a world whose z is up, with the plane at `level` as the support: the instances that mostly lie there
+    and are large, and those of their color that are large in some frame."""
+    ids = [things.rough(look) for look in looks]
+    count = FIRST + things.count
+    shown = np.stack([np.bincount(one.ravel(), minlength=count) for one in ids])
+    there = [one[_in_plane(look, level)] for one, look in zip(ids, looks, strict=True)]
+    share = np.bincount(np.concatenate(there), minlength=count) / np.maximum(shown.sum(0), 1)
+    pixels = looks[0].depth.size
+    support = np.flatnonzero((share > FLAT) & (shown.sum(0) > BROAD * len(looks) * pixels))
+    named = {int(h) for h in support if h >= FIRST}
+    if not named and things.count:
         # One thing at least: the one that has most of it.
-        support = np.array([FIRST + int(votes[FIRST:, 0].argmax())]) if things.count else support
-    named = frozenset(int(h) for h in support if h >= FIRST)
-    return replace(things, support=named, level=level)
+        named = {FIRST + int((share * shown.sum(0))[FIRST:].argmax())}
+    if not named:
+        return replace(things, level=level)
+    color = _median(
+        [(look, np.isin(one, list(named))) for one, look in zip(ids, looks, strict=True)]
+    )
+    large = np.flatnonzero((share > FLAT) & (shown.max(0) > BROAD * pixels))
+    for h in set(large.tolist()) - named - {BACKGROUND}:
+        own = _median([(look, one == h) for one, look in zip(ids, looks, strict=True)])
+        if np.linalg.norm(own - color) < APART:
+            named.add(h)
+    return replace(things, support=frozenset(named), level=level, color=color)
+
+
+def _in_plane(look: PosedFrame, level: float) -> Bool[np.ndarray, "h w"]:
+    met = plane_depth(look.K, look.cam_to_world, look.depth.shape, level)
+    return (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
+
+
+def _alike(look: PosedFrame, color: Float32[np.ndarray, "3"]) -> Bool[np.ndarray, "h w"]:
+    return np.linalg.norm(color_clusters.weighted(look.rgb) - color, axis=-1) < APART
+
+
+def _median(
+    shown: Sequence[tuple[PosedFrame, Bool[np.ndarray, "h w"]]],
+) -> Float32[np.ndarray, "3"]:
+    """The middle color of what is marked, in weighted Lab."""
+    colors = [color_clusters.weighted(look.rgb[mask]) for look, mask in shown if mask.any()]
+    return np.asarray(np.median(np.concatenate(colors), 0), np.float32)
 
 
 def plane_depth(

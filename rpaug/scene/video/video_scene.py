@@ -185,14 +185,26 @@ class VideoScene:
         return cv2.resize(small, size, interpolation=cv2.INTER_NEAREST).astype(np.int32)
 
     @cached_property
+    def _named(self) -> Callable[[int], tuple[PosedFrame, Int32[np.ndarray, "h w"]]]:
+        """Each frame at the size that handles are told in, and what its segments are by themselves."""
+
+        @lru_cache(KEPT)
+        def named(k: int) -> tuple[PosedFrame, Int32[np.ndarray, "h w"]]:
+            image = self.episode.views[self.name].rgb(k)
+            look = look_at(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
+            return look, self.instances.rough(look)
+
+        return named
+
+    @cached_property
     def _given(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
         """Handles of each frame at the size that they are told in, kept once told."""
 
         @lru_cache(None)
         def given(k: int) -> UInt16[np.ndarray, "h w"]:
-            image = self.episode.views[self.name].rgb(k)
-            look = look_at(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
-            ids = self.instances.of(look)
+            look, named = self._named(k)
+            beside = [self._named(j) for j in (k - 1, k + 1) if 0 <= j < len(self.depths)]
+            ids = self.instances.of(look, named, beside)
             if self.hand is not None:
                 ids = np.where(self.moving[k], self.hand, ids)
             return ids.astype(np.uint16)
