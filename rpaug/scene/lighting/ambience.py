@@ -115,12 +115,12 @@ def _seen(
         names = np.zeros(rgb.shape[:2], np.int32) if ids is None else ids
         around = np.ones((3, 3), np.uint8)
         high, low = (each(names.astype(np.float32), around) for each in (cv2.dilate, cv2.erode))
-        color = rgb / 255.0
+        brightest = np.maximum(np.maximum(rgb[..., 0], rgb[..., 1]), rgb[..., 2]) / 255.0
         use = (view.depth(t) > 0) & (high == low) & ~np.isin(names, light.unlit(episode))
-        use &= (color.max(-1) > DARK) & (color.max(-1) < CLIPPED)
+        use &= (brightest > DARK) & (brightest < CLIPPED)
         rows = np.flatnonzero(use)
         rows = rows[:: max(1, len(rows) // light.PIXELS)]
-        shown = color.reshape(-1, 3)[rows]
+        shown = rgb.reshape(-1, 3)[rows] / 255.0
         chroma = np.rint(shown[:, :2] / shown.sum(1, keepdims=True) / HUE).astype(int)
         normals.append(surface.of_view(view, t, (), ids)(rows).facing.astype(float))
         levels.append(shown.mean(1))

@@ -44,6 +44,7 @@ MOST_LAMPS = 3
 FEW = 12  # cells
 LOOKS = 8  # frames at which the shadows of what moves are looked for
 CORNERS = 96  # directions in which a thing's outline is kept
+AT_ONCE = 1024  # points whose corners are looked for at once
 BESIDE = 3  # cells around an outline that it is compared with
 SOFT = 0.7  # cells: standard deviation of a shadow's edge
 THICK = 0.006  # metres: what is lower casts nothing worth drawing
@@ -365,7 +366,12 @@ def _moving(scene: Scene, table: _SupportPlane, t: int) -> Iterator[Float64[np.n
 
 
 def _corners(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "m 3"]:
-    """The points that lie outermost in one of many directions."""
+    """The points that lie outermost in one of many directions: first of some at a time, which a cache holds."""
+    some = np.array_split(points, max(1, len(points) // AT_ONCE))
+    return _outermost(np.concatenate([_outermost(one) for one in some]))
+
+
+def _outermost(points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "m 3"]:
     return points[np.unique((points @ _sphere().T).argmax(0))]
 
 
