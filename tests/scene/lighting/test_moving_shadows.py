@@ -36,9 +36,15 @@ def rolling(lamp: np.ndarray, taken: float) -> Scene:
 @pytest.mark.parametrize("heading", [2.4, -0.8])
 def test_a_shadow_that_comes_and_goes_tells_the_lamp(heading: float) -> None:
     lamp = np.array([0.8 * np.cos(heading), 0.8 * np.sin(heading), 0.6])
-    ((*direction, share),) = shadows.lamps(rolling(lamp, TAKEN))
+    recorded = rolling(lamp, TAKEN)
+    ((*direction, share),) = shadows.of_table(recorded)
     assert np.dot(direction, lamp) > np.cos(0.06)
     assert share == pytest.approx(TAKEN, abs=0.05)
+    whole = shadows.lamps(
+        recorded
+    )  # its things are lit from nowhere: another lamp may be told beside this one
+    assert isinstance(whole, dict)
+    assert (np.array(whole["directions"]) @ lamp).max() > np.cos(0.06)
 
 
 def test_where_nothing_is_darker_there_is_no_lamp() -> None:
