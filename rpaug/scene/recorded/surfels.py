@@ -241,7 +241,7 @@ def _drawn(
     painted = np.zeros_like(drawn.hole)
     if moved and _rim(scene):
         support = scene.roles.get("table", frozenset())
-        drawn, painted = unseen.closed(drawn, known[0].ids, support, scene.inpaint)
+        drawn, painted = unseen.closed(drawn, known[0].ids, support)
     witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
     continued = np.zeros_like(drawn.hole)
     if not _stands(camera, scene.episode.views[name].camera, t):

@@ -122,7 +122,6 @@ class InstanceMap:
             own |= color_clusters.shaded(shown, color)
         count = np.bincount(patch.ravel())
         foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
-        foreign &= count > SLIVER * patch.size  # joints of boards are its own
         return np.where(held & foreign[patch], BACKGROUND, named).astype(np.int32)
 
     def rough(self, look: PosedFrame) -> np.ndarray:

@@ -25,7 +25,7 @@ def drawn(depth: float, edge: bool = False) -> tuple[Rendered, np.ndarray]:
 
 def test_nothing_is_seen_through_a_support() -> None:
     view, recorded = drawn(1.6)
-    made, painted = unseen.closed(view, recorded, frozenset([TABLE]), "telea")
+    made, painted = unseen.closed(view, recorded, frozenset([TABLE]))
     assert painted[GONE].all()
     assert painted.sum() == painted[GONE].sum()
     np.testing.assert_allclose(made.depth[GONE], 1.0, atol=1e-3)
@@ -37,7 +37,7 @@ def test_what_nobody_saw_of_the_support_is_painted_from_it() -> None:
     view.hole[GONE], view.source[GONE] = True, -1
     view.rgb[:] = 0.5
     view.rgb[GONE] = 0
-    made, painted = unseen.closed(view, recorded, frozenset([TABLE]), "telea")
+    made, painted = unseen.closed(view, recorded, frozenset([TABLE]))
     assert painted[GONE].all()
     assert not made.hole.any()
     np.testing.assert_allclose(made.rgb[GONE], 0.5, atol=0.02)
@@ -45,16 +45,16 @@ def test_what_nobody_saw_of_the_support_is_painted_from_it() -> None:
 
 def test_what_another_frame_shows_of_the_support_stays() -> None:
     view, recorded = drawn(1.02)
-    assert not unseen.closed(view, recorded, frozenset([TABLE]), "telea")[1].any()
+    assert not unseen.closed(view, recorded, frozenset([TABLE]))[1].any()
 
 
 def test_beyond_the_supports_outline_the_floor_is_seen() -> None:
     view, recorded = drawn(2.0, edge=True)
-    _, painted = unseen.closed(view, recorded, frozenset([TABLE]), "telea")
+    _, painted = unseen.closed(view, recorded, frozenset([TABLE]))
     assert painted[20:25, 20:30].all()
     assert not painted[:20].any()
 
 
 def test_without_a_support_nothing_is_closed() -> None:
     view, recorded = drawn(1.6)
-    assert unseen.closed(view, recorded, frozenset(), "telea")[0] is view
+    assert unseen.closed(view, recorded, frozenset())[0] is view
