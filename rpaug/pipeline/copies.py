@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 from rpaug import instruct
@@ -293,11 +293,14 @@ def render(
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
     new = [body.instance_ids for body in scene.bodies if body.mesh is not None or body.copy_of]
     tally = report.Tally(list(scene.episode.views), frozenset().union(*new))
+    every: list[
+        int
+    ] = []  # frames; a view that watched its own episode would outlive its copy, in a cycle
 
     def watch(frame: views.RenderedFrame) -> None:
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
-        progress.told(scene.episode.key, "making frames", len(tally.total), frames())
+        progress.told(scene.episode.key, "making frames", len(tally.total), sum(every))
         if frame.ids is not None:
             tally.mask(camera, t, frame.ids)
         if frame.hole is not None:
@@ -311,12 +314,10 @@ def render(
                 scene, frame.before, frame.image, ids(t) if ids else None
             )
 
-    @cache
-    def frames() -> int:
-        own = (v for n, v in episode.views.items() if v.rgb is not scene.episode.views[n].rgb)
-        return sum(1 for _ in own) * episode.length
-
     episode = views.edited(shown, settled.representations, watch, settled.blended, kept, device)
+    recorded = scene.episode.views
+    edited = sum(view.rgb is not recorded[name].rgb for name, view in episode.views.items())
+    every.append(edited * episode.length)
     return Made(episode, scene, draws, settled, tally, untrue, left)
 
 
