@@ -28,7 +28,11 @@ ONE = ["--set", "select.limit=1", "--keep-invalid"]
 # Recipe, options, and the most: processor seconds with one copy, of a further one, and megabytes.
 CASES: dict[str, tuple[Any, list[str], tuple[str, str, str]]] = {
     "recolor": ({"edits": [RECOLOR]}, [], ("<= 3.0", "<= 0.8", "<= 300")),
-    "four cameras moved": ({"edits": [MOVED], "gates": {"tries": 1}}, [], ("", "<= 4.0", "")),
+    "four cameras moved": (
+        {"edits": [MOVED], "gates": {"tries": 1, "torn": 1.0, "moving": 1.0}},
+        [],
+        ("", "<= 4.0", ""),
+    ),
     "robust": ("robust", ["--models", "inpaint=telea"], ("", "<= 2.5", "")),
 }
 SHARED = "eight episodes, two workers"
