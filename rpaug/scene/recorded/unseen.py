@@ -23,9 +23,7 @@ FEWEST = 2  # pixels: a hole smaller than this is left to the filling of single 
 RING = 12  # pixels around a hole that tell the surfaces which it continues
 MARGIN = 24  # pixels around a hole that its texture is painted from
 EXPLAINED = 0.8  # share of a surface's pixels around a hole that lie on one plane, if it is one
-QUICK = (
-    "telea"  # what is painted in every frame anew: a hundredth of the time of `fsr` at the least
-)
+QUICK = "telea"  # what is painted in every frame: a hundredth of the time of `fsr`
 FLAT = 0.02  # of depth: so near to its plane lies a support whose depth was worked out from images
 THROUGH = 1.15  # times the support's distance from which something is behind it
 PASSES = 3  # of the plane's fit, each on what the last explains
