@@ -94,7 +94,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         size = (arguments.frames, arguments.width, arguments.height)
         dataset = filmed.written(Path(name) / "large", *size)
-        warm = filmed.written(Path(name) / "warm", 4, 64, 48)
+        warm = filmed.written(Path(name) / "warm", 4, 320, 240)
         for edit in arguments.edit or EDITS:
             for root in (warm, dataset):
                 with tempfile.TemporaryDirectory() as folder:
