@@ -174,9 +174,8 @@ def _write_images(
         for kind, _, _ in kinds[name]:
             (work / f"{name}_{kind}").mkdir()
 
-    def write(
-        t: int,
-    ) -> None:  # all cameras of one time together: each is drawn from what all recorded
+    def write(t: int) -> None:
+        # All cameras of one time together: each is drawn from what all recorded.
         for name in kinds:
             _write_frame(kinds[name], recorded, work, name, t, planes[name][t])
 

@@ -293,9 +293,8 @@ def render(
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
     new = [body.instance_ids for body in scene.bodies if body.mesh is not None or body.copy_of]
     tally = report.Tally(list(scene.episode.views), frozenset().union(*new))
-    every: list[
-        int
-    ] = []  # frames; a view that watched its own episode would outlive its copy, in a cycle
+    # Frames to be made: a view that asked its own episode for them would outlive its copy, in a cycle.
+    every: list[int] = []
 
     def watch(frame: views.RenderedFrame) -> None:
         camera, t = frame.camera, frame.t

@@ -149,10 +149,8 @@ def render(
     stretch = _stretch(rank)
     rgb = np.zeros((height, width, 3), np.float32)
     weight = np.zeros((height, width), np.float32)
-    first, others = (
-        np.argwhere(source == 0),
-        np.argwhere(source > 0),
-    )  # the first's colors are its own
+    # Colors of the first are its own.
+    first, others = np.argwhere(source == 0), np.argwhere(source > 0)
     for index, each in enumerate(lifted):
         assert each.lifted is not None
         use = everything if each.use is None else each.use
