@@ -22,6 +22,7 @@ from rpaug.scene.tracking import agreement
 
 MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measured at
 STILL = 1e-3  # metres of depth up to which a pixel shows the same place in the next frame
+ADVANCE = 0.5  # pixels to the next frame from which a thing moves: what it covers anew over its area's root
 WORST = 0.1  # of the pixels of what moves: those of the frames in which most of it is invented
 CURE = ": nobody recorded it from there; the robot's file shows it (arms: [FILE])"
 CURES = {"moving": CURE, "torn": CURE}
@@ -207,13 +208,28 @@ def _change(now: UInt8[np.ndarray, "h w 3"], then: UInt8[np.ndarray, "h w 3"]) -
 
 
 def _still(view: CameraView, t: int) -> Bool[np.ndarray, "h w"]:
-    """Pixels that show the same place of the same thing in frames t and t + 1."""
+    """Pixels that show the same place of the same thing in frames t and t + 1.
+
+    A ball's pattern rolls on in pixels whose id and depth stay: what advances is left out, where there is depth.
+    """
     still = np.ones((view.camera.height, view.camera.width), bool)
     if view.ids is not None:
         still &= view.ids(t) == view.ids(t + 1)
     if view.depth is not None:
-        still &= np.abs(view.depth(t) - view.depth(t + 1)) < STILL
+        nearer = view.depth(t) - view.depth(t + 1)
+        still &= np.abs(nearer) < STILL
+        if view.ids is not None:
+            still &= ~np.isin(view.ids(t), _advancing(view.ids(t), view.ids(t + 1), nearer > STILL))
     return still
+
+
+def _advancing(
+    now: Int32[np.ndarray, "h w"], then: Int32[np.ndarray, "h w"], nearer: Bool[np.ndarray, "h w"]
+) -> Int32[np.ndarray, "n"]:
+    """Ids of what comes in front of something else; what is only uncovered lies farther than what hid it."""
+    covered, counts = np.unique(then[(now != then) & nearer], return_counts=True)
+    areas = np.array([(then == instance_id).sum() for instance_id in covered])
+    return covered[counts > ADVANCE * np.sqrt(areas)]
 
 
 def _color(scene: Scene) -> float | None:

@@ -102,6 +102,16 @@ def test_flicker_is_what_the_recording_lacks() -> None:
     assert found.flicker > 5
 
 
+def test_what_rolls_on_is_not_still_and_what_it_uncovers_is() -> None:
+    view = recorded().episode.views["overhead"]
+    ids, then = view.ids(0), view.ids(1)  # type: ignore[misc]
+    assert (ids != then).any()  # the ball went on
+    still = _still(view, 0)
+    assert not still[ids == BALL].any()
+    assert still[(ids == BOX) & (then == BOX)].all()
+
+
+
 def test_a_moved_camera_agrees_with_the_others_and_has_holes() -> None:
     scene = recorded()
     operator = CameraPose(camera="front", shift=0.15)
