@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rpaug.core.interfaces import Added as Added
     from rpaug.core.interfaces import Change as Change
     from rpaug.core.interfaces import Edit as Edit
+    from rpaug.core.interfaces import ImageKind as ImageKind
     from rpaug.core.interfaces import Needs as Needs
     from rpaug.core.interfaces import Operator as Operator
     from rpaug.core.interfaces import Painted as Painted
@@ -75,6 +76,7 @@ _EXPORTS = {
     "Embeddings": "rpaug.core.types",
     "Episode": "rpaug.core.types",
     "Gaussians": "rpaug.core.types",
+    "ImageKind": "rpaug.core.interfaces",
     "Missing": "rpaug.core.errors",
     "MissingExtra": "rpaug.core.errors",
     "Needs": "rpaug.core.interfaces",

@@ -13,7 +13,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -28,9 +28,10 @@ from rpaug_adapters.rlbench.read import (
 from rpaug_adapters.rlbench.write import write_episode
 from rpaug_adapters.shared.folders import see_no_link_out, write_files
 
-from rpaug import Adapter, BadInput, Episode, Side, files, splits
+from rpaug import Adapter, BadInput, Episode, ImageKind, Side, files, splits
 
 CAMERAS = ("front", "left_shoulder", "right_shoulder", "overhead", "wrist")
+FOLDERS: Mapping[ImageKind, str] = {"rgb": "rgb", "depth": "depth", "ids": "mask"}
 VERSION = re.compile(r"\d+\.\d+\.\d+")
 ELSEWHERE = ("all_variations", "episodes")  # of other layouts, and no names of tasks
 EPISODE = re.compile(r"episode(\d+)$")
@@ -72,6 +73,12 @@ class RLBench(Adapter):
         split = [kind] if (kind := splits.kind(like)) else []
         place = PurePosixPath(*split, "_".join(task) or "task", "all_variations", "episodes")
         return (place / f"episode{index}").as_posix()
+
+    def see_readable(self, episode: Episode, images: Iterable[tuple[str, ImageKind, int]]) -> None:
+        source: RLBenchSource = episode.source
+        for camera, kind, t in images:
+            path = f"{source.folder}/{camera}_{FOLDERS[kind]}/{t}.png"
+            files.check_png_pixels(path, files.read_bytes(path))
 
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
         return untouched(episode.source)

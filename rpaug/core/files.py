@@ -28,6 +28,7 @@ from rpaug.core.cache import PART
 from rpaug.core.errors import BadInput
 from rpaug.core.png import MAX_SIDE, Png
 from rpaug.core.png import check as check_png
+from rpaug.core.png import check_pixels as check_png_pixels
 from rpaug.core.png import encode as encode_png
 from rpaug.core.untouched import pass_on
 
@@ -40,6 +41,7 @@ __all__ = [
     "check_image",
     "check_jpeg",
     "check_png",
+    "check_png_pixels",
     "decode_image",
     "decode_png",
     "encode_jpeg",

@@ -2,10 +2,10 @@
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import ConfigDict
@@ -13,6 +13,9 @@ from pydantic import ConfigDict
 from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.core.validation import Validated
+
+ImageKind = Literal["rgb", "depth", "ids"]  # as a camera's view names them
+IMAGE_KINDS: tuple[ImageKind, ...] = get_args(ImageKind)
 
 Edit = dict[str, Any]
 """One drawn change as plain JSON values: enough, with the operator's fields, to replay it exactly."""
@@ -164,6 +167,11 @@ class Adapter(ABC):
     def traps(self, episode: Episode) -> Sequence[str]:  # most layouts have none
         """What known readers of this layout would trip over in an episode, in words."""
         return ()
+
+    def see_readable(self, episode: Episode, images: Iterable[tuple[str, ImageKind, int]]) -> None:
+        """See that images of an episode that was read, by camera, kind and frame, can be decoded. Raises RpaugError."""
+        for camera, kind, t in images:
+            getattr(episode.views[camera], kind)(t)
 
     def untouched(self, episode: Episode, edited_words: bool) -> Mapping[str, bytes]:
         """What the files of an episode that was read hold beside images, depth, instance ids, words and cameras, by

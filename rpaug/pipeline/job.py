@@ -11,7 +11,7 @@ from typing import Any
 from rpaug.core import progress, registry, untouched
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED
-from rpaug.core.interfaces import Adapter
+from rpaug.core.interfaces import IMAGE_KINDS, Adapter, ImageKind
 from rpaug.core.types import Episode
 from rpaug.pipeline import journal, report, totals
 from rpaug.pipeline.copies import PreparedEpisode
@@ -86,10 +86,7 @@ def _copies(job: Job) -> Iterator[str]:
 def see_readable(adapter: Adapter, root: Path, episode: Episode) -> None:
     """See that all that an episode holds can be read: copies carry on the bytes of what no edit reaches. Raises
     RpaugError."""
-    for view in episode.views.values():
-        for image in filter(None, (view.rgb, view.depth, view.ids)):
-            for t in range(episode.length):
-                image(t)
+    adapter.see_readable(episode, _images(episode))
     try:
         adapter.untouched(episode, False)
     except OSError as error:  # of HDF5, for a chunk that no filter undoes
@@ -97,6 +94,13 @@ def see_readable(adapter: Adapter, root: Path, episode: Episode) -> None:
         raise BadInput(
             root / episode.key, "data", found=found, expected="what can be read"
         ) from None
+
+
+def _images(episode: Episode) -> Iterator[tuple[str, ImageKind, int]]:
+    for name, view in episode.views.items():
+        for kind in IMAGE_KINDS:
+            if getattr(view, kind) is not None:
+                yield from ((name, kind, t) for t in range(episode.length))
 
 
 def left(job: Job) -> Job:

@@ -11,7 +11,7 @@ from typing import Any
 from rpaug.core import devices
 from rpaug.core.errors import Rejected, RpaugError
 from rpaug.core.files import REJECTED
-from rpaug.core.interfaces import Adapter
+from rpaug.core.interfaces import Adapter, ImageKind
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import report, role_facts
@@ -89,15 +89,15 @@ def write(
 def _read_back(adapter: Adapter, made: Made, place: CopyPlace) -> None:
     again, recorded = adapter.read(place.root, place.key), made.scene.episode
     changed = {at for at, pixels in made.tally.changed.items() if pixels}
+    images: list[tuple[str, ImageKind, int]] = []
     for name in sorted(again.views.keys() & recorded.views.keys()):
         view, before, after = (one.views[name] for one in (again, recorded, made.episode))
-        for t in range(again.length):
-            if (name, t) in changed:
-                view.rgb(t)
-            if view.depth is not None and after.depth is not before.depth:
-                view.depth(t)
-            if view.ids is not None and after.ids is not before.ids:
-                view.ids(t)
+        images += [(name, "rgb", t) for t in range(again.length) if (name, t) in changed]
+        if view.depth is not None and after.depth is not before.depth:
+            images += [(name, "depth", t) for t in range(again.length)]
+        if view.ids is not None and after.ids is not before.ids:
+            images += [(name, "ids", t) for t in range(again.length)]
+    adapter.see_readable(again, images)
 
 
 def side_files(

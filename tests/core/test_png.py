@@ -111,3 +111,57 @@ def test_sixteen_bit_images_are_refused_by_name() -> None:
     data = cv2.imencode(".png", np.zeros((3, 3), np.uint16))[1].tobytes()
     with pytest.raises(BadInput, match="16 bits"):
         png.decode("image.png", data)
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.sampled_from([1, 3]), st.integers(0, 2**32 - 1))
+def test_opencv_reads_what_is_encoded(height: int, width: int, channels: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    image = rng.choice([0, 1, 7, 128, 255], (height, width, channels)).astype(np.uint8)
+    image = image[..., 0] if channels == 1 else image
+    for level in (0, 1):
+        data = np.frombuffer(png.encode(image, level), np.uint8)
+        decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(decoded if channels == 1 else decoded[..., ::-1], image)
+
+
+def test_zlib_and_zlib_ng_pack_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = pytest.importorskip("zlib_ng.zlib_ng", reason="of the extra `fast`")
+    rng = np.random.default_rng(0)
+    smooth = np.add.outer(np.arange(60), np.arange(80)).astype(np.uint8)
+    images = [
+        IMAGE,
+        smooth,
+        rng.integers(0, 256, (40, 50, 3), np.uint8),
+        np.zeros((30, 30), np.uint8),
+    ]
+    packed = []
+    for module in (other, zlib):
+        monkeypatch.setattr(png, "zlib", module)
+        packed.append([png.encode(image) for image in images])
+        assert all(np.array_equal(png.decode("", png.encode(one)), one) for one in images)
+        with pytest.raises(BadInput, match="damaged pixels"):
+            png.decode("", file_of(2, 8, (4, 4), b"not zlib"))
+    assert packed[0] == packed[1]
+
+
+@pytest.mark.parametrize(
+    "image", [IMAGE.astype(np.uint16), np.zeros((2, 2, 2), np.uint8), IMAGE[:0]]
+)
+def test_what_no_png_here_holds_is_refused(image: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="cannot encode"):
+        png.encode(image)
+
+
+def test_pixels_are_checked_as_decoding_would() -> None:
+    png.check_pixels("", png.encode(IMAGE))
+    png.check_pixels(
+        "",
+        cv2.imencode(".png", np.zeros((3, 3), np.uint8), [cv2.IMWRITE_PNG_BILEVEL, 1])[1].tobytes(),
+    )
+    for size, body in (
+        ((4, 4), b"not zlib"),
+        ((4, 4), zlib.compress(b"short")),
+        ((1, 1), zlib.compress(bytes([5, 1, 2, 3]))),
+    ):
+        with pytest.raises(BadInput):
+            png.check_pixels("", file_of(2, 8, size, body))

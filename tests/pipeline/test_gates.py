@@ -111,7 +111,6 @@ def test_what_rolls_on_is_not_still_and_what_it_uncovers_is() -> None:
     assert still[(ids == BOX) & (then == BOX)].all()
 
 
-
 def test_a_moved_camera_agrees_with_the_others_and_has_holes() -> None:
     scene = recorded()
     operator = CameraPose(camera="front", shift=0.15)
