@@ -143,8 +143,8 @@ as it judges it, so that every image is rendered once."""
 
 
 def rendered(made: Made) -> Sequence[str]:
-    """The judge of copies that stay in memory: renders every edited image if there are gates to judge them by."""
-    if made.gates is None:
+    """The judge of copies that stay in memory: renders every edited image if there are limits to judge them by."""
+    if made.gates is None or not made.gates.limits:
         return ()
     for name, view in made.episode.views.items():
         if view.rgb is not made.scene.episode.views[name].rgb:
