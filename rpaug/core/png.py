@@ -30,7 +30,7 @@ WRITTEN = [
     cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
     cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_PAETH,
 ]  # fmt: skip
-"""How images are packed: half the time of zlib's level 3 at no more bytes (docs/why/png.md)."""
+"""How images are packed: half the time of zlib's level 3 at no more bytes (docs/why/files.md#png)."""
 
 
 @dataclass(frozen=True)
