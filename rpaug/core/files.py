@@ -135,7 +135,7 @@ def check_image(where: Path | str, data: bytes) -> tuple[int, int]:
 
 def encode_jpeg(image: UInt8[np.ndarray, "h w 3"]) -> bytes:
     """JPEG bytes of an RGB image at the best quality with full chroma: what was not edited comes back nearly as it was
-    (docs/why/jpeg.md)."""
+    (docs/why/files.md#jpeg)."""
     options = [
         cv2.IMWRITE_JPEG_QUALITY, 100,
         cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,

@@ -1,6 +1,6 @@
 // The compositing kernels once more in C++, as what a compiler on the user's machine would give.
 //
-// The design of docs/why/rasteriser.md before its last two steps: tiles of 4x4-pixel blocks, one 16-lane vector a
+// The design of docs/why/gaussians.md#the-cpu-rasteriser before its last two steps: tiles of 4x4-pixel blocks, one 16-lane vector a
 // block, whitened coordinates, prefetching, front-to-back gradients with one running number a pixel, one slot an
 // entry. It tests each block by its pixels, where ours tests sixteen blocks at once and keeps the bits for backward.
 // tools/bench/raster.py compiles this with g++ -O3 -march=native and compares.
