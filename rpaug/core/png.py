@@ -239,8 +239,8 @@ def _by_opencv(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
 def encode(image: UInt8[np.ndarray, "h w ..."], level: int = 1) -> bytes:
     """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes.
 
-    Rows are filtered by Paeth and packed by runs (docs/why/files.md#png). A `level` of 0 packs nothing, for what is read
-    again at once. Raises ValueError for an image of another kind.
+    Rows are filtered by Paeth and packed by runs (docs/why/files.md#png). A `level` of 0 packs nothing, for what is
+    read again at once. Raises ValueError for an image of another kind.
     """
     step = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype != np.uint8 or step not in COLORS or 0 in image.shape:

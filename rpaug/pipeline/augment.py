@@ -9,6 +9,7 @@ from rpaug.core.files import apart, write_changed
 from rpaug.core.owner import owned
 from rpaug.pipeline import journal, output_folder, prepare, report, totals
 from rpaug.pipeline import workers as local
+from rpaug.pipeline.inputs import see_handles_hold
 from rpaug.pipeline.job import Job
 from rpaug.pipeline.journal import Journal
 from rpaug.pipeline.missing_copies import MissingCopies, job_of
@@ -25,11 +26,12 @@ OF_DATASET = "another dataset, or this one with files that were changed, added o
 
 
 def check(run: Run, resume: bool = False) -> None:
-    """See that a run may start. Raises BadInput."""
+    """See that a run may start. Raises BadInput, Unsupported."""
     if run.ratio and any(report.synthetic(run.source, key) for key in run.keys):
         expected = "recorded ones, of which the ratio is"
         raise BadInput(run.source, "--ratio", found="synthetic episodes", expected=expected)
     assert run.keys  # raises for a dataset that is none, or a selection that is empty
+    see_handles_hold(run.recipe, run.adapter, run.source, run.keys)
     apart(run.target, run.source)
     if not run.target.exists():
         return

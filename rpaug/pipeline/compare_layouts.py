@@ -47,7 +47,7 @@ def compare(key: str, recorded: Episode, made: Episode, times: Sequence[int]) ->
         other = _counterpart(name, view, made.views, times)
         if other is None:
             who = "it does not show" if name in made.views else "no camera shows"
-            words = f"{name}: {who} the same within {LOSSY:g} dB"
+            words = f"{name}: {who} the same, {LOSSY:g} dB or more near"
             yield "bad", key, "images", words
         else:
             yield from _view(key, name, view, other, times)
@@ -83,7 +83,12 @@ def _view(
     key: str, name: str, view: CameraView, other: CameraView, times: Sequence[int]
 ) -> Iterator[Found]:
     if not all(np.array_equal(view.rgb(t), other.rgb(t)) for t in times):
-        yield "near", key, "images", f"{name}: color is encoded with loss, within {LOSSY:g} dB"
+        yield (
+            "near",
+            key,
+            "images",
+            f"{name}: color is encoded with loss, {LOSSY:g} dB or more near",
+        )
     if view.radiance is not None and other.radiance is None:
         yield "lost", key, "radiance", f"{name}: images with less light: {NO_PLACE}"
     for kind, slack in (("depth", FAR), ("ids", 0)):

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rpaug.core.errors import BadInput, BadRecipe, Unsupported
+from rpaug.core.errors import BadInput, BadRecipe, RpaugError, Unsupported
+from rpaug.core.interfaces import Adapter
 from rpaug.physics.materials import FILE
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.recipe import Recipe
@@ -71,3 +72,26 @@ def tier(given: int) -> int:
             f"tier {given!r}: expected 0, 1, 3 or 4; assets, which are tier 2, enter at any tier"
         )
     return given
+
+
+def see_handles_hold(recipe: Recipe, adapter: Adapter, source: Path, keys: Sequence[str]) -> None:
+    """That no edit names a thing by its handle in several episodes without recorded masks: what is found there is
+    numbered anew in each, so the same handle is another thing. Raises Unsupported."""
+    if len(keys) < 2 or not _by_handle(recipe.source.get("edits")):
+        return
+    try:
+        views = adapter.read(source, keys[0]).views.values()
+    except RpaugError:  # said when it is its turn
+        return
+    if all(view.ids is None for view in views):
+        raise Unsupported(
+            f"edits: found a handle, and {len(keys)} episodes without recorded masks; expected a role or words: "
+            "handles are given anew in each of them, so one names a thing in one episode "
+            f"(select: {{episodes: [{keys[0]}]}})"
+        )
+
+
+def _by_handle(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return "handle" in value or any(map(_by_handle, value.values()))
+    return isinstance(value, list) and any(map(_by_handle, value))

@@ -28,7 +28,7 @@ CANDIDATES = (
     ("another tabletop", "{op: table_texture, probability: 0.5}"),
     ("other walls and floor", "{op: background_texture, probability: 0.5}"),
     (
-        "two things more on the table, out of the robot's way",
+        "two things more on the table, where the robot does not pass",
         "{op: distractors, count: 2, probability: 0.5}",
     ),
     (

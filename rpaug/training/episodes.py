@@ -66,6 +66,7 @@ class AugmentedEpisodes(Dataset[dict[str, Any]]):
         self.keys, self.frames, self.cameras = self.draws.keys, frames, cameras
         if not self.keys:
             raise Unsupported(f"{root}: the recipe's select matches none of its episodes")
+        inputs.see_handles_hold(held.recipe, registry.adapter(held.adapter), root, self.keys)
         if cameras is not None:
             _check(cameras, registry.adapter(held.adapter).read(root, self.keys[0]))
         self.items = list(self._items(root))

@@ -184,7 +184,7 @@ def test_what_is_lost_is_said_and_recorded(tmp_path: Path) -> None:
     assert "--fps" in refused.output + refused.stderr
     result = CliRunner().invoke(app, [*given, "--fps", "20"])
     assert result.exit_code == 0
-    words = "front: color is encoded with loss, within 34 dB"
+    words = "front: color is encoded with loss, 34 dB or more near"
     assert f"not kept exactly {words}" in result.output + result.stderr
     assert f"- {words} (episodes: 1)" in (tmp_path / "out/README.md").read_text()
     (report,) = (tmp_path / "out").rglob("rpaug.json")

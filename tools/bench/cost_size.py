@@ -173,7 +173,7 @@ def main() -> None:
                 rows=rows,
                 **pages.stamp(),
             )
-            pages.record("cost", table)
+            pages.record("cost_size", table)
 
 
 if __name__ == "__main__":

@@ -215,9 +215,8 @@ def fit(
 ) -> Smooth | None:
     """The smooth shading of a patterned thing, or None if its brightness varies no more than its shading does.
 
-    `color` is the thing's albedo, the mean of its pattern where it is `known`: the fit, which follows the most frequent
-    part, is scaled to the mean. Unless it is known, its brightness is a guess, and the best-lit part is taken to have
-    the `best_light`.
+    `color` is the thing's albedo. Unless it is `known`, its brightness is a guess, and the best-lit part is taken to
+    have the `best_light`.
     """
     old = np.array(color)
     high = samples.color.max(1)
@@ -237,9 +236,7 @@ def fit(
         weights = np.pad(weights, (0, basis.shape[1] - BY_NORMAL))
     if spread < PATTERN:
         return None
-    fitted = basis @ weights
-    level = fitted.mean() / shade.mean() if known else np.quantile(fitted, LIT) / best_light
-    level = max(float(level), 0.05)
+    level = 1.0 if known else max(float(np.quantile(basis @ weights, LIT)), 0.05) / best_light
     return Smooth(tuple(middle.tolist()), extent, tuple((weights / level).tolist()), spread, level)
 
 
