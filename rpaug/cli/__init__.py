@@ -13,7 +13,7 @@ from rpaug.core.version import __version__
 COMMANDS = {
     "demo": (
         "demo",
-        "Augment the sample that ships, as a look at what rpaug does: less than a minute.",
+        "Augment the sample that ships, as a look at what rpaug does: one to three minutes.",
     ),
     "augment": (
         "augment",

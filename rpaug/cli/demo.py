@@ -24,7 +24,7 @@ def demo(
     ] = True,
     as_json: AsJson = False,
 ) -> int:
-    """Augment the sample that ships, as a look at what rpaug does: less than a minute.
+    """Augment the sample that ships, as a look at what rpaug does: one to three minutes.
 
     Ends by opening a preview of the same edits where somebody sits at a screen.
 

@@ -56,10 +56,11 @@ def inspect(
     from rpaug.scene.targets import settled as roles
 
     used = Models(**models_settings.given(models or (), {}))
-    found = registry.read(dataset, episode)
+    found, keys = registry.read_among(dataset, episode)
     with progress_bar("looking", as_json):  # a video takes minutes, and says what is being done
         settled = roles.read(dataset)
         described, rows, seen = inspection.inspect(found, arm or (), settled, used)
+        described["episodes"] = len(keys)
         if every or write_roles:
             others = inspection.roles_of_all(dataset, arm or (), settled, used)
             described["differ"] = inspection.disagreement(dataset, others)
@@ -75,7 +76,8 @@ def inspect(
     if as_json:
         print_json(described)
         return 0
-    say(f"{described['episode']}: {quoted(described['instruction'])}, {found.length} frames")
+    among = f", one of {len(keys)} episodes" if len(keys) > 1 else ""
+    say(f"{described['episode']}: {quoted(described['instruction'])}, {found.length} frames{among}")
     say(f"key frames: {', '.join(map(str, described['key_frames'])) or 'none'}")
     for name, camera in described["cameras"].items():
         kind = "fixed" if camera["fixed"] else "moving"

@@ -1,5 +1,6 @@
 """Adapters and operators by name, found through entry points: ours and anyone's alike."""
 
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -103,8 +104,13 @@ def dataset(given: Path | str) -> Path:
 
 def read(root: Path, key: str | None) -> Episode:
     """One episode of a dataset, the first if no key is given. Raises BadInput."""
+    return read_among(root, key)[0]
+
+
+def read_among(root: Path, key: str | None) -> tuple[Episode, Sequence[str]]:
+    """One episode of a dataset, the first if no key is given, and the keys of all. Raises BadInput."""
     found = adapter_for(root)
     keys = found.episodes(root)
     if key is not None and key not in keys:
         raise BadInput(root, "episode", found=key, expected=f"one of: {', '.join(keys[:20])}")
-    return found.read(root, key if key is not None else keys[0])
+    return found.read(root, key if key is not None else keys[0]), keys

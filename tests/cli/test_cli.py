@@ -124,7 +124,9 @@ def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
     assert "roll the ball" in out
     page = (tmp_path / "i.html").read_text()
     assert page.count("<img") == 3 + 2  # a thumbnail an instance, and the roles' outlines a camera
+    assert "one of 2 episodes" in out
     described = json.loads(run("inspect", template, "--json")[1])
+    assert described["episodes"] == 2
     assert {row["handle"] for row in described["instances"]} == {7, 300, 0xABCDEF}
     assert run("inspect", template, "--html", tmp_path / "i.html")[0] == 2  # nothing is overwritten
     code, _, err = run("inspect", template, "--episode", "none")
