@@ -75,9 +75,10 @@ def tier(given: int) -> int:
 
 
 def see_handles_hold(recipe: Recipe, adapter: Adapter, source: Path, keys: Sequence[str]) -> None:
-    """That no edit names a thing by its handle in several episodes without recorded masks: what is found there is
-    numbered anew in each, so the same handle is another thing. Raises Unsupported."""
-    if len(keys) < 2 or not _by_handle(recipe.source.get("edits")):
+    """That neither edits nor settled roles name a thing by its handle in several episodes without recorded masks: what
+    is found there is numbered anew in each, so the same handle is another thing. Raises Unsupported."""
+    named = [part for part in ("edits", "roles") if _by_handle(recipe.source.get(part))]
+    if len(keys) < 2 or not named:
         return
     try:
         views = adapter.read(source, keys[0]).views.values()
@@ -85,8 +86,8 @@ def see_handles_hold(recipe: Recipe, adapter: Adapter, source: Path, keys: Seque
         return
     if all(view.ids is None for view in views):
         raise Unsupported(
-            f"edits: found a handle, and {len(keys)} episodes without recorded masks; expected a role or words: "
-            "handles are given anew in each of them, so one names a thing in one episode "
+            f"{' and '.join(named)}: found a handle, and {len(keys)} episodes without recorded masks; "
+            "expected a role or words: handles are given anew in each of them, so one names a thing in one episode "
             f"(select: {{episodes: [{keys[0]}]}})"
         )
 

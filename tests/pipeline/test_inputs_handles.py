@@ -26,8 +26,8 @@ class OneCamera:
         return SimpleNamespace(views={"front": SimpleNamespace(ids=self.ids)})
 
 
-def see(edits: list, ids: Any, *keys: str) -> None:
-    recipe = Recipe.from_dict({"version": 1, "edits": edits})
+def see(edits: list, ids: Any, *keys: str, **given: Any) -> None:
+    recipe = Recipe.from_dict({"version": 1, "edits": edits, **given})
     see_handles_hold(recipe, OneCamera(ids), Path("videos"), keys)  # type: ignore[arg-type]
 
 
@@ -39,6 +39,12 @@ def test_a_handle_in_several_episodes_without_masks_is_refused() -> None:
     for edits in ([BY_HANDLE], [nested]):
         with pytest.raises(Unsupported, match=words):
             see(edits, None, "a", "b")
+
+
+def test_so_is_a_role_that_is_settled_by_one() -> None:
+    with pytest.raises(Unsupported, match="roles: found a handle, and 3 episodes"):
+        see([BY_WORDS], None, "a", "b", "c", roles={"table": {"handle": [2, 3]}})
+    see([BY_WORDS], None, "a", "b", roles={"table": {"color": "brown"}})
 
 
 def test_it_is_taken_where_it_names_one_thing() -> None:
