@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import UInt8, UInt16
 
 from rpaug.core.errors import BadInput
 from rpaug.core.jit import inlined, kernel
@@ -236,20 +236,24 @@ def _by_opencv(where: Path | str, data: bytes) -> UInt8[np.ndarray, "h w ..."]:
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., 2::-1])
 
 
-def encode(image: UInt8[np.ndarray, "h w ..."], level: int = 1) -> bytes:
-    """PNG bytes of an RGB or single-channel uint8 image; the same pixels give the same bytes.
+def encode(
+    image: UInt8[np.ndarray, "h w ..."] | UInt16[np.ndarray, "h w"], level: int = 1
+) -> bytes:
+    """PNG bytes of an RGB or single-channel image of 8 or 16 bits; the same pixels give the same bytes.
 
     Rows are filtered by Paeth and packed by runs (docs/why/files.md#png). A `level` of 0 packs nothing, for what is
     read again at once. Raises ValueError for an image of another kind.
     """
-    step = 1 if image.ndim == 2 else image.shape[2]
-    if image.dtype != np.uint8 or step not in COLORS or 0 in image.shape:
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    if image.dtype not in (np.uint8, np.uint16) or channels not in COLORS or 0 in image.shape:
         raise ValueError(f"cannot encode an image of shape {image.shape}, {image.dtype}")
     height, width = image.shape[:2]
-    flat = np.ascontiguousarray(image).reshape(height, width * step)
+    step = channels * image.itemsize
+    stored = np.ascontiguousarray(image.astype(image.dtype.newbyteorder(">"), copy=False))
+    flat = stored.view(np.uint8).reshape(height, width * step)
     packer = zlib.compressobj(level, zlib.DEFLATED, WINDOW, MEMORY, zlib.Z_RLE)
     packed = packer.compress(_filtered(flat, step, PAETH if level else NONE)) + packer.flush()
-    header = struct.pack(">IIBBBBB", width, height, 8, COLORS[step], 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, COLORS[channels], 0, 0, 0)
     chunks = (_chunk(b"IHDR", header), _chunk(b"IDAT", packed), _chunk(b"IEND", b""))
     return SIGNATURE + b"".join(chunks)
 

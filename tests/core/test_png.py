@@ -145,7 +145,7 @@ def test_zlib_and_zlib_ng_pack_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize(
-    "image", [IMAGE.astype(np.uint16), np.zeros((2, 2, 2), np.uint8), IMAGE[:0]]
+    "image", [IMAGE.astype(np.float32), np.zeros((2, 2, 2), np.uint8), IMAGE[:0]]
 )
 def test_what_no_png_here_holds_is_refused(image: np.ndarray) -> None:
     with pytest.raises(ValueError, match="cannot encode"):
@@ -165,3 +165,11 @@ def test_pixels_are_checked_as_decoding_would() -> None:
     ):
         with pytest.raises(BadInput):
             png.check_pixels("", file_of(2, 8, size, body))
+
+
+def test_sixteen_bits_are_written_as_opencv_reads_them() -> None:
+    depth = np.random.default_rng(0).integers(0, 2**16, (9, 7)).astype(np.uint16)
+    for image in (depth, np.dstack([depth, depth + 1, depth + 2])):
+        data = np.frombuffer(png.encode(image), np.uint8)
+        decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(decoded if image.ndim == 2 else decoded[..., ::-1], image)
