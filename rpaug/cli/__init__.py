@@ -1,5 +1,6 @@
 """The command line: all commands in one list; the module of each is imported when it is invoked."""
 
+import gc
 from collections.abc import Callable
 from importlib import import_module
 from typing import Annotated, Any
@@ -10,6 +11,7 @@ from typer.core import TyperCommand
 from rpaug.cli.console import guarded
 from rpaug.core.version import __version__
 
+RARELY = 50_000  # new objects before cycles are sought: modules make as many, and images lie in none
 COMMANDS = {
     "demo": (
         "demo",
@@ -223,4 +225,5 @@ for _name, (_help, _commands) in GROUPS.items():
 
 def main() -> None:
     """Entry point of the `rpaug` command."""
+    gc.set_threshold(RARELY)
     app(prog_name="rpaug")

@@ -221,7 +221,7 @@ def natural(key: str) -> str:
 def flush_folder(folder: Path) -> None:
     """See all that a folder holds onto the disk. All is asked for before the first is waited for: a twentieth of the
     time."""
-    inside = [Path(root, name) for root, _, names in os.walk(folder) for name in names]
+    inside = [os.path.join(root, name) for root, _, names in os.walk(folder) for name in names]
     if hasattr(os, "posix_fadvise"):  # not everywhere
         for path in inside:
             descriptor = os.open(path, os.O_RDONLY)
@@ -230,10 +230,10 @@ def flush_folder(folder: Path) -> None:
     for path in inside:
         flush(path)
     for root, _, _ in os.walk(folder, topdown=False):
-        flush(Path(root))
+        flush(root)
 
 
-def flush(path: Path) -> None:
+def flush(path: Path | str) -> None:
     """See a file's bytes, or a folder's entries, onto the disk; the latter where the file system can do that."""
     descriptor = os.open(path, os.O_RDONLY)
     try:

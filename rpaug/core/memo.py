@@ -4,6 +4,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import fields, replace
 from functools import wraps
+from operator import attrgetter
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -13,6 +14,8 @@ ANSWERS = 32  # kept of an episode
 kept_scenes = (
     1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
 )
+
+OF_FIELDS = {kind: attrgetter(*(f.name for f in fields(kind))) for kind in (Scene, Episode)}
 
 Found = TypeVar("Found")
 
@@ -54,9 +57,9 @@ def _same(one: object, other: object) -> bool:
         return True
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same, one, other))
-    for kind in (Scene, Episode):
+    for kind, values in OF_FIELDS.items():
         if isinstance(one, kind) and isinstance(other, kind):
-            return all(_same(getattr(one, f.name), getattr(other, f.name)) for f in fields(kind))
+            return all(map(_same, values(one), values(other)))
     return isinstance(one, frozenset | Rig) and one == other
 
 

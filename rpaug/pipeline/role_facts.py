@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rpaug.core.types import Scene
+from rpaug.core.memo import of_episode
+from rpaug.core.types import Body, Episode, Scene
 from rpaug.scene.sampled_frames import look
 from rpaug.scene.targets import roles
 from rpaug.scene.targets.observed import surface
@@ -79,7 +80,12 @@ def _length(scene: Scene, instance_id: int) -> float:
     body = next((body for body in scene.tracked if instance_id in body.instance_ids), None)
     if body is None:
         return 0.0
-    return max(size_cm(surface(look(scene.episode), instance_id, body)[0]))
+    return _longest(scene.episode, instance_id, body)
+
+
+@of_episode
+def _longest(episode: Episode, instance_id: int, body: Body) -> float:
+    return max(size_cm(surface(look(episode), instance_id, body)[0]))
 
 
 def _few(keys: Sequence[str]) -> str:

@@ -1,6 +1,7 @@
 """Runs jobs on this machine: in this process, or in others with one thread each, each within its budget."""
 
 import errno
+import gc
 import os
 import signal
 import sys
@@ -265,6 +266,7 @@ def _keep_busy(pool: list[WorkerProcess], todo: Iterator[Job], workers: int) -> 
 
 def _serve(connection: Connection) -> None:
     """Jobs as they come."""
+    gc.freeze()  # what is imported stays: it need not be searched for what may go
     progress.deafen()
     with progress.heard(progress.seldom(connection.send)):
         while True:
