@@ -61,8 +61,8 @@ def _apply(
 ) -> Bool[np.ndarray, "h w"]:
     """Edit `color` in place where `inside`, and on the outline by its mixture; the pixels touched."""
     if not antialiased:
-        at = np.flatnonzero(inside)
-        color[inside] = _edited(edit, color[inside], surfaces(at), at, headroom)
+        at, flat = np.flatnonzero(inside), color.reshape(-1, 3)
+        flat[at] = _edited(edit, flat.take(at, 0), surfaces(at), at, headroom)
         return inside
     share, foreground = matte(color, inside)
     whole, mixed = share == 1, (share > 0) & (share < 1)
@@ -112,15 +112,16 @@ def _among(
 ) -> Bool[np.ndarray, "h w"]:
     """Which pixels show one of the instance ids, which ascend."""
     out = np.zeros(ids.shape, np.bool_)
-    if len(instance_ids) == 0:
+    if len(instance_ids) == 0 or ids.size == 0:
         return out
+    last, found = ids[0, 0], False
     for y in range(ids.shape[0]):
         for x in range(ids.shape[1]):
             here = ids[y, x]
-            out[y, x] = (
-                instance_ids[min(np.searchsorted(instance_ids, here), len(instance_ids) - 1)]
-                == here
-            )
+            if here != last or (y == 0 and x == 0):  # a row has few runs of one id
+                place = min(np.searchsorted(instance_ids, here), len(instance_ids) - 1)
+                last, found = here, instance_ids[place] == here
+            out[y, x] = found
     return out
 
 
