@@ -22,6 +22,7 @@ from rpaug.cli import app
 from rpaug.core.errors import BadInput, TargetError
 from rpaug.core.types import Gaussians
 from rpaug.gaussians import gaussian_files
+from tools import measure_assets
 
 
 @pytest.fixture(autouse=True)
@@ -389,3 +390,12 @@ def test_a_picture_outside_the_folder_of_a_mesh_is_refused_by_name(ending, named
     (path.parent / "secret.png").write_bytes((tmp_path / "secret.png").read_bytes())
     if "link" not in named:  # a path of another machine: the file of that name beside the mesh
         assert reading.read(path, 0.02)[0].image.max() == 9
+
+
+def test_what_is_known_of_the_things_that_ship_is_what_they_measure():
+    known = {
+        name: {"color": one.color, "size": list(one.size)}
+        for name in THINGS
+        for one in [library.get(name)]
+    }
+    assert known == measure_assets.facts()

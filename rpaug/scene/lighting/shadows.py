@@ -391,13 +391,16 @@ def _brightness(scene: Scene, table: _SupportPlane, t: int) -> Float64[np.ndarra
         if not view.camera.fixed or view.depth is None or view.ids is None:
             continue
         use = np.isin(view.ids(t), list(table.instance_ids)) & (view.depth(t) > 0)
-        points = geometry.world_points(view.depth(t).astype(float), view.camera, t)[use]
+        use = placing.thinned(view.camera, view.depth(t), use)
+        points = placing.lifted(view.camera, t, view.depth(t), use)
         columns, rows = np.rint((points[:, :2] - table.origin) / table.cell).astype(int).T
         good = (np.abs(points[:, 2] - table.level) < placing.LEVEL) & (rows >= 0) & (columns >= 0)
         good &= (rows < table.shape[0]) & (columns < table.shape[1])
-        total, count = np.zeros(table.shape), np.zeros(table.shape)
-        np.add.at(total, (rows[good], columns[good]), view.rgb(t)[use][good].mean(-1))
-        np.add.at(count, (rows[good], columns[good]), 1)
+        cells, size = rows[good] * table.shape[1] + columns[good], table.shape[0] * table.shape[1]
+        bright = view.rgb(t)[use][good].mean(-1)
+        total, count = (
+            np.bincount(cells, weights, size).reshape(table.shape) for weights in (bright, None)
+        )
         out.append(np.divide(total, count, out=np.full(table.shape, np.nan), where=count > 0))
     return np.stack(out)
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 from rpaug.core import geometry, sampling
 from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.memo import bare, once
-from rpaug.core.types import Body, CameraView, Scene
+from rpaug.core.types import Body, Camera, Scene
 from rpaug.scene.placement import free_space_rgb, swept
 from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of, disc
 from rpaug.scene.targets import roles
@@ -26,6 +26,7 @@ LEVEL = 0.01  # metres: what is nearer to the plane than this is the support
 FLYING = (
     3.0  # times the median distance from a thing's middle: no part of a rod or a box lies so far
 )
+FINE = 0.002  # metres between pixels: finer ones tell cells of a centimetre nothing more
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
@@ -123,9 +124,10 @@ def points_by_instance_id(
             ids, depth = view.ids(t), view.depth(t)
             usable = (depth > 0) & np.isfinite(depth)
             for instance_id in found.keys() & set(np.unique(ids).tolist()):
-                use = (ids == instance_id) & usable
+                use = thinned(view.camera, depth, (ids == instance_id) & usable)
                 moved = poses[instance_id][0] @ geometry.inverse(poses[instance_id][t])
-                found[instance_id].append(geometry.transform(moved, _lifted(view, t, depth, use)))
+                points = lifted(view.camera, t, depth, use)
+                found[instance_id].append(geometry.transform(moved, points))
     clouds = {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
     guessed = any(v.proxy is not None and v.proxy.modelled for v in scene.episode.views.values())
     return {h: _together(points) for h, points in clouds.items()} if guessed else clouds
@@ -156,7 +158,8 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():
-                found.append(_lifted(view, t, depth, use))
+                use = thinned(view.camera, depth, use)
+                found.append(lifted(view.camera, t, depth, use))
     if not found:
         raise TargetError("the table was never seen, so there is nowhere to put things")
     return np.concatenate(found)
@@ -232,11 +235,26 @@ def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
     return np.where(closed < 1e2, closed, np.float32(np.inf))
 
 
-def _lifted(
-    view: CameraView, t: int, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
+def thinned(
+    camera: Camera, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """Of the pixels to use those of every so many rows and columns that they lie `FINE` metres apart at most: of a
+    large image others would tell cells no more."""
+    if not use.any():
+        return use
+    step = int(FINE * min(camera.K[0, 0], camera.K[1, 1]) / depth[use].mean(dtype=np.float64))
+    if step < 2:
+        return use
+    out = np.zeros_like(use)
+    out[::step, ::step] = use[::step, ::step]
+    return out
+
+
+def lifted(
+    camera: Camera, t: int, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
 ) -> Float64[np.ndarray, "n 3"]:
     """World points of the pixels in `use`."""
     rows, columns = np.nonzero(use)
     z = depth[rows, columns].astype(np.float64)
-    local = geometry.lifted(columns, rows, z, view.camera.K)
-    return geometry.transform(view.camera.cam_to_world[t], local)
+    local = geometry.lifted(columns, rows, z, camera.K)
+    return geometry.transform(camera.cam_to_world[t], local)
