@@ -11,7 +11,9 @@ from typer.core import TyperCommand
 from rpaug.cli.console import guarded
 from rpaug.core.version import __version__
 
-RARELY = 50_000  # new objects before cycles are sought: modules make as many, and images lie in none
+RARELY = (
+    50_000  # new objects before cycles are sought: modules make as many, and images lie in none
+)
 COMMANDS = {
     "demo": (
         "demo",

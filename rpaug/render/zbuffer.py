@@ -102,9 +102,16 @@ class Rendered:
         return to_bytes(self.rgb)
 
 
+@kernel
 def to_bytes(rgb: Float32[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     """Colors in 0..1 as 8-bit pixels; undoes a division by 255 exactly."""
-    return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+    out = np.empty(rgb.shape, np.uint8)
+    for y in range(rgb.shape[0]):
+        for x in range(rgb.shape[1]):
+            for channel in range(3):
+                value = min(max(rgb[y, x, channel], np.float32(0)), np.float32(1))
+                out[y, x, channel] = np.uint8(np.rint(value * np.float32(255)))
+    return out
 
 
 def render(

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int32, UInt8
+from jaxtyping import Bool, Float32, Int, Int32, Shaped, UInt8
 
+from rpaug.core.jit import kernel
 from rpaug.core.types import CameraView
 from rpaug.render.denoise import smooth
 from rpaug.render.unmix import plain
@@ -96,19 +97,11 @@ def plate(
         now = source_at(view, t, mixed=mixed)
         good = wanted & among(now.ids, static) & np.isfinite(now.depth) & (now.depth > 0)
         good &= True if now.use is None else now.use
-        agrees = (now.ids == ids) & (
-            np.abs(now.depth - depths[0]) < max(SAME_DEPTH, 5 * noise) * depths[0]
-        )
-        rows, columns = np.nonzero(good & ((count == 0) | agrees))
-        slot = count[rows, columns]
-        depths[slot, rows, columns] = now.depth[rows, columns]
-        colors[slot, rows, columns] = now.rgb[rows, columns]
-        ids[rows, columns] = now.ids[rows, columns]
-        count[rows, columns] += 1
+        near = np.float32(max(SAME_DEPTH, 5 * noise))
+        _collect(good, now.depth, now.rgb, now.ids, near, count, ids, depths, colors)
         if (count == PLATE_SAMPLES).all():
             break
-    middle = np.maximum(count - 1, 0) // 2
-    depth, rgb = _ranked(depths, count, middle), _ranked(colors, count, middle)
+    depth, rgb = _middle(depths[..., None], count)[..., 0], _middle(colors, count)
     depth = smooth(depth, ids, noise)
     known = count > 0
     source = Source(
@@ -118,12 +111,50 @@ def plate(
     return Plate(rgb, depth, ids, known, lift(source, tolerance))
 
 
-def _ranked(samples: np.ndarray, count: np.ndarray, rank: np.ndarray) -> np.ndarray:
-    """Per pixel, the sample of the given rank among its first `count`; each channel by itself."""
-    extra = (None,) * (samples.ndim - 3)
-    slots = np.arange(len(samples))[(slice(None), None, None, *extra)]
-    worst = np.iinfo(samples.dtype).max if samples.dtype.kind == "u" else np.inf
-    missing = slots >= count[(None, ..., *extra)]
-    ordered = np.sort(np.where(missing, samples.dtype.type(worst), samples), axis=0)
-    found = np.take_along_axis(ordered, rank[(None, ..., *extra)], axis=0)[0]
-    return np.where(count[(..., *extra)] > 0, found, 0).astype(samples.dtype)
+@kernel
+def _collect(
+    good: Bool[np.ndarray, "h w"],
+    depth: Float32[np.ndarray, "h w"],
+    rgb: UInt8[np.ndarray, "h w 3"],
+    seen: Int32[np.ndarray, "h w"],
+    near: float,
+    count: Int[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    depths: Float32[np.ndarray, "s h w"],
+    colors: UInt8[np.ndarray, "s h w 3"],
+) -> None:
+    """Add an image's good pixels to the samples, but what is of another thing or `near`, a share of depth, off the
+    first."""
+    for y in range(good.shape[0]):
+        for x in range(good.shape[1]):
+            n = count[y, x]
+            if not good[y, x] or n == len(depths):
+                continue
+            first = depths[0, y, x]
+            if n > 0 and (ids[y, x] != seen[y, x] or not abs(depth[y, x] - first) < near * first):
+                continue
+            depths[n, y, x], ids[y, x], count[y, x] = depth[y, x], seen[y, x], n + 1
+            for channel in range(3):
+                colors[n, y, x, channel] = rgb[y, x, channel]
+
+
+@kernel
+def _middle(
+    samples: Shaped[np.ndarray, "s h w c"], count: Int[np.ndarray, "h w"]
+) -> Shaped[np.ndarray, "h w c"]:
+    """Per pixel, the lower median of its first `count` samples, each channel by itself; 0 of none."""
+    out = np.zeros(samples.shape[1:], samples.dtype)
+    some = np.empty(len(samples), samples.dtype)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            if count[y, x] == 0:
+                continue
+            for channel in range(out.shape[2]):
+                for n in range(count[y, x]):
+                    value, place = samples[n, y, x, channel], n
+                    while place > 0 and some[place - 1] > value:
+                        some[place] = some[place - 1]
+                        place -= 1
+                    some[place] = value
+                out[y, x, channel] = some[(count[y, x] - 1) // 2]
+    return out
