@@ -3,7 +3,7 @@
     python -m tools.bench.floor RECORDINGS/rlbench_open_drawer [--case recolor] [--repeats 3] [--record]
 
 Each run is a process of its own, from start to contact sheet, with one worker; user and system time of all that it
-started, the median of the repeats, a warm-up apart. A further copy is a quarter of what five take more than one. The
+started, the median of the repeats, a warm-up apart, with byte code kept as Python keeps it unasked. A further copy is a quarter of what five take more than one. The
 last row is of eight of the sample's episodes: wall seconds of one worker by those of two, pairs by turns.
 """
 
@@ -38,56 +38,69 @@ CASES: dict[str, tuple[Any, list[str], tuple[str, str, str]]] = {
 SHARED = "eight episodes, two workers"
 
 
-def run(source: Path, recipe: Any, copies: int, *options: str) -> tuple[float, float, float]:
-    """Processor seconds, megabytes at most, and wall seconds of one run. Raises RuntimeError if it fails."""
-    with tempfile.TemporaryDirectory() as folder:
-        named = recipe
-        if isinstance(recipe, dict):
-            named = str(Path(folder, "recipe.yaml"))
-            Path(named).write_text(json.dumps({"version": 1, "seed": 3, **recipe}))
-        command = [sys.executable, "-m", "rpaug", "augment", str(source), "--recipe", named]
-        command += [
-            "--set",
-            f"copies={copies}",
-            "--out",
-            str(Path(folder, "out")),
-            "--keep-invalid",
-        ]
-        begun = time.monotonic()
-        with open(os.devnull, "wb") as nothing:
-            pid = os.posix_spawn(
-                sys.executable, [*command, *options], os.environ | {"OMP_NUM_THREADS": "1"},
-                file_actions=[(os.POSIX_SPAWN_DUP2, nothing.fileno(), 1)],
-            )  # fmt: skip
-            _, status, usage = os.wait4(pid, 0)
-        if (code := os.waitstatus_to_exitcode(status)) not in (0, 1):  # 1: a gate rejected a copy
-            raise RuntimeError(f"{recipe}: exit code {code}")
-        wall = time.monotonic() - begun
-        return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e3, wall
+def run(
+    source: Path, folder: Path, recipe: Any, copies: int, *options: str
+) -> tuple[float, float, float]:
+    """Processor seconds, megabytes at most, and wall seconds of one run. Raises RuntimeError if it fails.
+
+    What it wrote stays in `folder`: file systems make new files slowly for a while after many were removed.
+    """
+    folder = Path(tempfile.mkdtemp(dir=folder))
+    named = recipe
+    if isinstance(recipe, dict):
+        named = str(folder / "recipe.yaml")
+        Path(named).write_text(json.dumps({"version": 1, "seed": 3, **recipe}))
+    command = [sys.executable, "-m", "rpaug", "augment", str(source), "--recipe", named]
+    command += ["--set", f"copies={copies}", "--out", str(folder / "out"), "--keep-invalid"]
+    around = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
+    begun = time.monotonic()
+    with open(os.devnull, "wb") as nothing:
+        pid = os.posix_spawn(
+            sys.executable, [*command, *options], around,
+            file_actions=[(os.POSIX_SPAWN_DUP2, nothing.fileno(), 1)],
+        )  # fmt: skip
+        _, status, usage = os.wait4(pid, 0)
+    if (code := os.waitstatus_to_exitcode(status)) not in (0, 1):  # 1: a gate rejected a copy
+        raise RuntimeError(f"{recipe}: exit code {code}")
+    wall = time.monotonic() - begun
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e3, wall
 
 
-def copied(source: Path, case: str, repeats: int) -> tuple[float, float, float]:
+def copied(source: Path, folder: Path, case: str, repeats: int) -> tuple[float, float, float]:
     """Processor seconds with one copy and of a further one, and the largest process's megabytes with five."""
     recipe, options, _ = CASES[case]
     one, five = COPIES
     options = [*options, *ONE]
-    run(source, recipe, one, *options)
-    first = [run(source, recipe, one, *options) for _ in range(repeats)]
-    more = [run(source, recipe, five, *options) for _ in range(repeats)]
+    run(source, folder, recipe, one, *options)
+    first = [run(source, folder, recipe, one, *options) for _ in range(repeats)]
+    more = [run(source, folder, recipe, five, *options) for _ in range(repeats)]
     seconds = [statistics.median(taken for taken, _, _ in runs) for runs in (first, more)]
     peak = statistics.median(megabytes for _, megabytes, _ in more)
     return seconds[0], (seconds[1] - seconds[0]) / (five - one), peak
 
 
-def shared(repeats: int, copies: int = 20) -> list[float]:
+def shared(folder: Path, repeats: int, copies: int = 20) -> list[float]:
     """Wall seconds by one worker over those by two."""
-    with tempfile.TemporaryDirectory() as folder:
-        source = dataset(Path(folder), 8)
-        recipe = {"edits": [{"op": "light_color"}]}
-        alone = [
-            [run(source, recipe, copies, "--workers", n)[2] for n in "12"] for _ in range(repeats)
-        ]
+    source = dataset(folder / "eight", 8)
+    recipe = {"edits": [{"op": "light_color"}]}
+    alone = [
+        [run(source, folder, recipe, copies, "--workers", n)[2] for n in "12"]
+        for _ in range(repeats)
+    ]
     return [one / two for one, two in alone]
+
+
+def _row(case: str, source: Path, folder: Path, repeats: int) -> list[pages.Cell]:
+    if case == SHARED:
+        ratios = shared(folder, repeats)
+        print(case, ratios, flush=True)
+        ratio: pages.Cell = {"value": f"{statistics.median(ratios):.2f}", "target": ">= 1.85"}
+        return [f"{case}: one worker's seconds by theirs", ratio, "-", "-"]
+    found = copied(source, folder, case, repeats)
+    print(case, found, flush=True)
+    told = [f"{value:.{digits}f}" for value, digits in zip(found, (1, 2, 0), strict=True)]
+    cells = zip(told, CASES[case][2], strict=True)
+    return [case, *({"value": value, "target": t} if t else value for value, t in cells)]
 
 
 def main() -> None:
@@ -100,20 +113,11 @@ def main() -> None:
         "--record", action="store_true", help="write the table on the benchmarks' page"
     )
     given = parser.parse_args()
-    rows: list[list[pages.Cell]] = []
-    for case in given.case or [*CASES, SHARED]:
-        if case == SHARED:
-            ratios = shared(given.repeats)
-            print(case, ratios, flush=True)
-            ratio: pages.Cell = {"value": f"{statistics.median(ratios):.2f}", "target": ">= 1.85"}
-            rows.append([f"{case}: one worker's seconds by theirs", ratio, "-", "-"])
-            continue
-        found = copied(given.dataset, case, given.repeats)
-        print(case, found, flush=True)
-        told = [f"{value:.{digits}f}" for value, digits in zip(found, (1, 2, 0), strict=True)]
-        most = CASES[case][2]
-        cells = zip(told, most, strict=True)
-        rows.append([case, *({"value": value, "target": t} if t else value for value, t in cells)])
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [
+            _row(case, given.dataset, Path(folder), given.repeats)
+            for case in given.case or [*CASES, SHARED]
+        ]
     if given.record:
         chosen = "".join(f" --case '{case}'" for case in given.case)
         table = pages.Table(
