@@ -3,8 +3,9 @@
     python -m tools.bench.floor RECORDINGS/rlbench_open_drawer [--case recolor] [--repeats 3] [--record]
 
 Each run is a process of its own, from start to contact sheet, with one worker; user and system time of all that it
-started, the median of the repeats, a warm-up apart, with byte code kept as Python keeps it unasked. A further copy is a quarter of what five take more than one. The
-last row is of eight of the sample's episodes: wall seconds of one worker by those of two, pairs by turns.
+started, the median of the repeats, a warm-up apart, with byte code kept as Python keeps it unasked. A further copy is a
+quarter of what five take more than one. The last row is of eight of the sample's episodes: wall seconds of one worker
+by those of two, pairs by turns.
 """
 
 import argparse
