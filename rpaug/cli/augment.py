@@ -134,7 +134,7 @@ def augment(
 ) -> int:
     """Write edited copies of a dataset's episodes, in the format they came in.
 
-    Example: [bold]rpaug augment data/train/open_drawer --recipe recipe.yaml --out augmented --workers 2[/]
+    Example: [bold]rpaug augment sample --recipe recipe.yaml --out augmented --workers 2[/]
     """
     from rpaug.core import devices, remote
     from rpaug.pipeline import cluster, inputs

@@ -57,7 +57,7 @@ def tiers(
 
     Needs two cameras with depth and masks. Each camera that is left out takes a fit of its own: minutes.
 
-    Example: [bold]rpaug bench tiers data/train/open_drawer --out tiers[/]
+    Example: [bold]rpaug bench tiers sample --out tiers[/]
     """
     from rpaug.pipeline import left_out, pareto, speed_error
 
@@ -113,7 +113,7 @@ def speed(
 
     Copies are written to a temporary folder. Seconds are those of processors, all threads together.
 
-    Example: [bold]rpaug bench speed data/train/open_drawer --recipe robust[/]
+    Example: [bold]rpaug bench speed sample --recipe robust[/]
     """
     from rpaug.pipeline import inputs, spent
     from rpaug.pipeline.run import Run

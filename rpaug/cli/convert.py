@@ -39,7 +39,7 @@ def convert(
     What the new layout needs and the source does not say is named, and episodes without it are skipped. What it has no
     place for, and what was rounded, encoded with loss or worked out, is said here, in the card and in the reports.
 
-    Example: [bold]rpaug convert data/train/open_drawer --to rdt --out data/rdt[/]
+    Example: [bold]rpaug convert sample --to rdt --out data/rdt[/]
     """
     from rpaug.pipeline.convert import convert as write
 

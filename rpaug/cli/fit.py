@@ -61,7 +61,7 @@ def fit(
 ) -> int:
     """Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.
 
-    Example: [bold]rpaug fit data/train/open_drawer --out scenes --ply drawer.ply[/]
+    Example: [bold]rpaug fit sample --out scenes --ply drawer.ply[/]
     """
     from rpaug.core import devices, registry
     from rpaug.gaussians.descent import settings_for

@@ -41,7 +41,7 @@ def inspect(
 ) -> int:
     """Show cameras, frames, instruction and every instance: instance id, role, color, size, motion.
 
-    Example: [bold]rpaug inspect data/train/open_drawer --html instances.html[/]
+    Example: [bold]rpaug inspect sample --html instances.html[/]
     """
     from rpaug.core import registry
 

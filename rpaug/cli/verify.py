@@ -35,7 +35,7 @@ def verify(
     """Compare an augmented dataset with its source: counts, kinds, actions bit for bit, untouched images, cameras
     that agree, splits, numbering, and what its readers trip over. Exit code 1 if something is wrong.
 
-    Example: [bold]rpaug verify augmented --against data/train/open_drawer[/]
+    Example: [bold]rpaug verify augmented --against sample[/]
     """
     from dataclasses import replace
 

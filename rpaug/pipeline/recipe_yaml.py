@@ -1,15 +1,19 @@
 """A recipe's YAML as plain data, with the line of every key, and keys set from outside."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import yaml
 
 from rpaug.core import safe_yaml as plain_yaml
+from rpaug.core.color_space import HEX
 from rpaug.core.errors import BadRecipe
 from rpaug.core.validation import kind_of
 
 MOST = 20_000  # values, aliases written out
+
+BARE = re.compile(rb"[:,\[]\s*#[0-9a-fA-F]{3,6}\b")  # a color that YAML takes for a comment
 
 Path_ = tuple[str | int, ...]
 
@@ -19,7 +23,8 @@ def parse(data: bytes, name: str) -> tuple[Any, dict[Path_, int]]:
     try:
         tree, node = plain_yaml.load(data, MOST)
     except plain_yaml.NotPlain as error:
-        raise BadRecipe(f"{name}:{error.line or '?'}: {error}") from None
+        hint = "; a color like '#ff0000' wants quotes" if BARE.search(data) else ""
+        raise BadRecipe(f"{name}:{error.line or '?'}: {error}{hint}") from None
     return tree, dict(_lines(node)) if node is not None else {(): 1}
 
 
@@ -44,7 +49,8 @@ def override(tree: Any, given: str) -> None:
     try:
         for part in parents:
             here = here[int(part)] if isinstance(here, list) else here.setdefault(part, {})
-        value, _ = plain_yaml.load(text.encode(), MOST)
+        # A shell has taken the quotes without which a color is a comment.
+        value = text if HEX.fullmatch(text) else plain_yaml.load(text.encode(), MOST)[0]
         if isinstance(here, list):
             here[int(last)] = value
         elif isinstance(here, dict):

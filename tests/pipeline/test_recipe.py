@@ -222,3 +222,12 @@ def test_a_recipes_painter_is_that_of_edits_that_name_none() -> None:
     made = recipe.build({"version": 1, "models": {"inpaint": "telea"}, "edits": edits})
     assert [step.options[0].operator.inpaint for step in made.steps] == ["telea", "fsr"]
     assert made.source["edits"] == edits
+
+
+def test_a_color_behind_a_hash_is_one_on_the_command_line_and_wants_quotes_in_a_file(
+    tmp_path: Path,
+) -> None:
+    text = "version: 1\nedits:\n  - {op: recolor, target: {role: table}, color: red}\n"
+    (step,) = load(tmp_path, text, "edits.0.color=#ff0000").steps
+    assert step.options[0].fields["color"] == "#ff0000"
+    assert "wants quotes" in refusal(tmp_path, text.replace("red", "#ff0000"))
