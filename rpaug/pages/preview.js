@@ -130,11 +130,18 @@ function bar() {
     slide("split", "recorded | edited", 1, 0.01, (value) => { state.split = value; state.mode = "split"; sync(); repaint(); }),
     slide("frame", "frame", 0, 1, (value) => go(value)),
     element("div", {className: "group"}, button("play", play, "play or stop"), button("next draw", next),
-      ...(count() > 1 ? [button("‹ episode", () => turn(-1), "previous episode"),
-        button("episode ›", () => turn(1), "next episode")] : [])));
+      ...(count() > 1 ? [button("‹", () => turn(-1), "previous episode"), number(), button("›", () => turn(1), "next episode")]
+        : [])));
   $("split").value = state.split;
 }
+function number() {
+  const made = element("input", {id: "episode", type: "number", min: 1, max: count(), value: state.episode + 1});
+  made.setAttribute("aria-label", `episode, 1 to ${count()}`);
+  made.onchange = () => turn(Math.min(count(), Math.max(1, Math.round(made.value))) - 1 - state.episode);
+  return made;
+}
 function sync() {
+  if ($("episode")) $("episode").value = state.episode + 1;
   for (const made of $("bar").querySelectorAll("[data-mode]"))
     made.setAttribute("aria-pressed", String(made.dataset.mode === state.mode));
   $("frame").max = episode.frames.length - 1;
@@ -192,7 +199,7 @@ function next() {
 }
 function turn(step) {
   const total = count();
-  state.episode = (state.episode + step + total) % total;
+  state.episode = (((state.episode + step) % total) + total) % total;
   open();
 }
 function play() {
@@ -214,6 +221,8 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "ArrowLeft") go(state.frame - 1);
   else if (event.key === " ") play();
   else if (event.key === "n") next();
+  else if (event.key === "[" && count() > 1) turn(-1);
+  else if (event.key === "]" && count() > 1) turn(1);
   else if (MODES[Number(event.key) - 1]) { state.mode = MODES[Number(event.key) - 1]; sync(); repaint(); }
   else return;
   event.preventDefault();

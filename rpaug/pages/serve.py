@@ -9,9 +9,9 @@ import time
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Lock
+from threading import RLock
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -30,8 +30,9 @@ WRITTEN = "$yaml"
 """The key of a value that the form's user wrote as text: it is read as YAML."""
 
 
-class Server(HTTPServer):
-    """Serves one dataset's preview at `url`, a request at a time."""
+class Server(ThreadingHTTPServer):
+    """Serves one dataset's preview at `url`. It draws for one request at a time; what a browser opens ahead and leaves
+    silent holds up no other."""
 
     def __init__(self, root: Path, recipe: Recipe, key: str | None, port: int) -> None:
         self.root, self.recipe = root, recipe
@@ -41,7 +42,7 @@ class Server(HTTPServer):
             raise BadInput(root, "episode", found=key, expected=expected)
         self.first = self.keys.index(key) if key is not None else 0
         self._sessions: OrderedDict[str, Session] = OrderedDict()
-        self._lock = Lock()
+        self._lock = RLock()
         super().__init__((HOST, port), _Handler)
 
     @property
@@ -74,22 +75,26 @@ class Server(HTTPServer):
 
     def episode(self, key: str) -> dict[str, Any]:
         """What the page says of an episode before anything is drawn."""
-        described = self.session(key).describe()
+        with self._lock:
+            described = self.session(key).describe()
         return {**described, "frames": list(range(described["length"])), "single": True}
 
     def drawn(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """One frame of one copy under the form's recipe, with the seconds it took. Raises RpaugError."""
         start = time.perf_counter()
         recipe = recipes.build(_read(asked["recipe"]))
-        session, t = self.session(asked["episode"]), int(asked["frame"])
-        if not 0 <= t < session.found[2].length or not 1 <= int(asked["copy"]) <= 10_000:
-            raise RpaugError(f"frame {t}, copy {asked['copy']}: no such frame or copy")
-        made = session.drawn(recipe, int(asked["copy"]), [t], judged=False)
+        with self._lock:
+            session, t = self.session(asked["episode"]), int(asked["frame"])
+            if not 0 <= t < session.found[2].length or not 1 <= int(asked["copy"]) <= 10_000:
+                raise RpaugError(f"frame {t}, copy {asked['copy']}: no such frame or copy")
+            made = session.drawn(recipe, int(asked["copy"]), [t], judged=False)
+            before = session.before([t])
+        taken = round(time.perf_counter() - start, 2)
         return {
             "draw": made,
-            "before": session.before([t]),
+            "before": before,
             "yaml": preview.text(recipe.source),
-            "seconds": round(time.perf_counter() - start, 2),
+            "seconds": taken,
         }
 
 

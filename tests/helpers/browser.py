@@ -19,6 +19,13 @@ WHY_NO_AXE = "RPAUG_AXE names no axe.min.js: npm pack axe-core brings it"
 
 def run(page: bytes, script: str, folder: Path, width: int = 1400, height: int = 1000) -> Any:
     """What the body of an async function returns in the page, as plain values."""
+    path = folder / "page.html"
+    path.write_bytes(page + asking(script))
+    return visit(path.as_uri(), folder, width, height)
+
+
+def asking(script: str) -> bytes:
+    """What a page ends with for `visit` to find what the body of an async function returns in it."""
     end = (
         "<script>window.faults=[];addEventListener('error',(e)=>faults.push(e.message));"
         "addEventListener('unhandledrejection',(e)=>faults.push(String(e.reason)));"
@@ -26,12 +33,15 @@ def run(page: bytes, script: str, folder: Path, width: int = 1400, height: int =
         "const pre=document.createElement('pre');pre.id='came-to';"
         "pre.textContent=JSON.stringify({out,faults});document.documentElement.append(pre)})()</script>"
     )
-    path = folder / "page.html"
-    path.write_bytes(page + end.encode())
+    return end.encode()
+
+
+def visit(url: str, folder: Path, width: int = 1400, height: int = 1000) -> Any:
+    """What the script of a page with such an end returned; the profile goes into `folder`."""
     assert CHROMIUM is not None
     command = [
         CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=400000",
-        f"--user-data-dir={folder / 'profile'}", f"--window-size={width},{height}", "--dump-dom", path.as_uri(),
+        f"--user-data-dir={folder / 'profile'}", f"--window-size={width},{height}", "--dump-dom", url,
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     found = re.search(r'<pre id="came-to">(.*?)</pre>', done.stdout, re.DOTALL)

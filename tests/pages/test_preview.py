@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import browser
@@ -101,6 +102,27 @@ def test_the_command_writes_a_page_and_spares_what_is_not_one(tmp_path: Path) ->
     assert done.exit_code == 2
     assert "earlier preview" in done.stderr
     assert out.read_text() == "mine"
+
+
+@needs_chromium
+def test_episodes_are_turned_to_by_key_and_by_number(tmp_path: Path) -> None:
+    for number in range(3):
+        shutil.copytree(registry.SAMPLE, tmp_path / f"data{number}")
+        there = next((tmp_path / f"data{number}").rglob("episode0"))
+        there.rename(place := there.with_name(f"episode{number}"))
+        if number:
+            shutil.move(place, next((tmp_path / "data0").rglob("episodes")))
+    keys = preview.chosen(tmp_path / "data0", None, 3)
+    shown = preview.page(tmp_path / "data0", keys, recipe.build(RECIPE), draws=1, frames=1)
+    script = f"""{SETTLED}
+    const facts=()=>document.getElementById('facts').textContent.match(/(\\d) of 3/)[1];
+    const press=async(key)=>{{document.dispatchEvent(new KeyboardEvent('keydown',{{key}}));await settled()}};
+    const out=[facts()];await press(']');out.push(facts());await press('[');await press('[');out.push(facts());
+    const number=document.getElementById('episode');out.push(number.value);
+    for(const value of [2,9]){{number.value=value;number.dispatchEvent(new Event('change'));await settled();
+        out.push(facts())}}
+    return out;"""
+    assert browser.run(shown, script, tmp_path) == ["1", "2", "3", "3", "2", "3"]
 
 
 @needs_chromium

@@ -1,12 +1,15 @@
 """The preview for editing: frames under the form's recipe, for this machine's own page alone."""
 
 import json
+import socket
 import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import browser
 import pytest
 
 from rpaug.core import registry
@@ -83,6 +86,11 @@ def test_nobody_else_is_answered(running: serve.Server) -> None:
     assert ask(running, "draw", RECIPE, Origin="null")[0] == 403
 
 
+def test_a_connection_that_stays_silent_holds_up_nobody(running: serve.Server) -> None:
+    with socket.create_connection(running.server_address[:2]):
+        assert ask(running, "")[0] == 200
+
+
 def test_a_taken_port_and_an_unknown_episode_are_named(running: serve.Server) -> None:
     made = recipe.build(RECIPE)
     with (
@@ -92,3 +100,37 @@ def test_a_taken_port_and_an_unknown_episode_are_named(running: serve.Server) ->
         pass
     with pytest.raises(BadInput, match="episode"), serve.server(registry.SAMPLE, made, "none", 0):
         pass
+
+
+@pytest.mark.skipif(browser.CHROMIUM is None, reason=browser.WHY)
+def test_the_form_edits_in_a_browser(
+    running: serve.Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = """
+    const status=()=>document.querySelector('#status').textContent;
+    const until=async(ready)=>{while(!ready()) await new Promise((done)=>setTimeout(done,50))};
+    const drawn=()=>until(()=>/^[0-9.]+ s$/.test(status())&&!document.querySelector('canvas[aria-busy=true]'));
+    const seen=()=>{const c=document.querySelector('canvas[data-camera=front]');
+        return [...c.getContext('2d').getImageData(0,0,c.width,c.height).data].reduce((a,b)=>a+b,0)};
+    const field=(name)=>document.querySelector('#'+[...document.querySelectorAll('#editor label')]
+        .find((one)=>one.textContent===name).htmlFor);
+    const type=async(value,words)=>{const one=field('color');one.value=value;one.dispatchEvent(new Event('input'));
+        await until(()=>document.querySelector('#yaml').textContent.includes(words)||status().includes(words))};
+    await drawn();
+    const blue=seen();
+    await type('yellow','yellow');await drawn();
+    const yellow=seen();
+    await type('bluu','did you mean');
+    const said=status();
+    await type('red','red');
+    const add=document.querySelector('#editor select[aria-label="add an edit"]');
+    add.value='light_color';add.dispatchEvent(new Event('change'));
+    await until(()=>document.querySelector('#yaml').textContent.includes('light_color'));
+    return [blue!==yellow,said,document.querySelectorAll('#editor fieldset').length];
+    """
+    page = running.page()
+    monkeypatch.setattr(running, "page", lambda: page + browser.asking(script))
+    changed, said, edits = browser.visit(running.url, tmp_path)
+    assert changed
+    assert "blue" in said
+    assert edits == 2
