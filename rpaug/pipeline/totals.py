@@ -7,7 +7,7 @@ from typing import Any
 from rpaug.core import splits
 from rpaug.pipeline import plan, report, role_facts
 from rpaug.pipeline.recipe import Option, Recipe, Step
-from rpaug.pipeline.run import Run, Summary, group_of
+from rpaug.pipeline.run import Run, Summary, alike, group_of
 
 
 def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def add_up(
             changed[name] = changed.get(name, 0.0) + share
     for key, line in rejected:
         summary.rejected[key] = "; ".join(add(line, False)["faults"])
-    summary.roles = [words for group in roles.values() for words in role_facts.disagreement(group)]
+    summary.roles = role_facts.disagreements(roles)
     summary.left_out = [words for one in outcomes.values() for words in one.left_out()]
     summary.unmet = any(
         _unmet(outcomes, number, step) for number, step in enumerate(run.recipe.steps)
@@ -108,9 +108,12 @@ class EditOutcomes:
 
     def left_out(self) -> Iterator[dict[str, Any]]:
         """Where episodes had nothing for it: in how many of those that drew it, in how many copies, if in all that drew
-        it, the reason."""
+        it, the reasons with the episodes that each holds for, the most frequent first."""
         if self.lacking:
             of = ", ".join(map(str, plan.targets(self.option.operator)))
+            reasons = [
+                {"episodes": len(keys), "reason": one} for keys, one in alike(self.lacked_in)
+            ]
             yield {
                 "step": self.step,
                 "edit": f"{self.option.name} of {of}" if of else self.option.name,
@@ -118,7 +121,7 @@ class EditOutcomes:
                 "drawn_in": len(self.drawn_in),
                 "copies": self.lacking,
                 "nowhere": self.nowhere,
-                "reason": next(iter(self.lacked_in.values())),
+                "reasons": sorted(reasons, key=lambda one: -one["episodes"]),
             }
 
     def fell_short(self) -> Iterator[dict[str, Any]]:
