@@ -218,7 +218,7 @@ def _numbers(found: Sequence[places.LocatedInstance]) -> str:
 def why(scene: Scene, role: str) -> str:
     """Why a role is not known."""
     if doubted := scene.beliefs.get(role):
-        return f"{role}: {_doubt(doubted)}"
+        return f"the {role} is doubted: {_doubt(doubted)}"
     cause = _unseen(scene, role)
     absent = role in ("manipulated", "receiver") and bool(scene.bodies) and scene.episode.length > 1
     return f"{cause}, so there is no {role}" if absent else cause

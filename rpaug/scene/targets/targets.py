@@ -520,8 +520,8 @@ def _list(rows: Iterable[InstanceSummary]) -> str:
 
 def _there_is(rows: Sequence[InstanceSummary], scene: Scene) -> str:
     by_color = agreement.photographed(scene) and not scene.names
-    models = f"{_BY_WORDS}; " if by_color else ""
+    models = f"{BY_WORDS}; " if by_color else ""
     return f"{models}there is: {_list(rows)}" if rows else "there is no instance at all"
 
 
-_BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"
+BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"
