@@ -178,11 +178,12 @@ class Summary:
 
 
 def alike(reasons: Mapping[str, str]) -> list[tuple[list[str], str]]:
-    """Keys whose reasons differ at most in what there is instead, with the first one's reason."""
+    """Keys whose reasons differ at most in the key and in what there is instead, with the first one's reason."""
     found: dict[str, tuple[list[str], str]] = {}
     for key, reason in reasons.items():
         told = reason.removeprefix(f"{key}: ")
-        found.setdefault(told.partition("there is: ")[0], ([], told))[0].append(key)
+        same = told.partition("there is: ")[0].replace(key, "")
+        found.setdefault(same, ([], told))[0].append(key)
     return list(found.values())
 
 
