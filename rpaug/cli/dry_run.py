@@ -96,7 +96,7 @@ def _sum_up(
 ) -> None:
     from rpaug.pipeline.run import alike
 
-    for keys, reason in alike(failed):
+    for keys, reason in alike(failed, files=False):
         more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
         warn("would skip", f"{', '.join(keys[:SHOWN])}{more}: {reason}")
     room = f"{'at most ' if linked else ''}{total['megabytes']} MB"

@@ -177,13 +177,14 @@ class Summary:
         return 1 if self.copies or self.rejected or self.missing else 2
 
 
-def alike(reasons: Mapping[str, str]) -> list[tuple[list[str], str]]:
-    """Keys whose reasons differ at most in the key and in what there is instead, with the first one's reason."""
+def alike(reasons: Mapping[str, str], *, files: bool = True) -> list[tuple[list[str], str]]:
+    """Keys whose reasons differ at most in what there is instead, with the first one's reason; without `files` in the
+    key too, as where each names a file of its episode."""
     found: dict[str, tuple[list[str], str]] = {}
     for key, reason in reasons.items():
         told = reason.removeprefix(f"{key}: ")
-        same = told.partition("there is: ")[0].replace(key, "")
-        found.setdefault(same, ([], told))[0].append(key)
+        same = told.partition("there is: ")[0]
+        found.setdefault(same if files else same.replace(key, ""), ([], told))[0].append(key)
     return list(found.values())
 
 
