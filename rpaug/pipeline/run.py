@@ -138,6 +138,7 @@ class Summary:
     aborted: str | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     changed_share: dict[str, float] = field(default_factory=dict)
+    mean_change: dict[str, float] = field(default_factory=dict)  # grey levels, over all pixels
     warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
     left_out: list[dict[str, Any]] = field(default_factory=list)  # edits: where, how often, why
     fell_short: list[dict[str, Any]] = field(

@@ -28,6 +28,7 @@ def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
         "faults": (described.get("gates") or {}).get("faults"),
         "seconds": described["seconds"],
         "changed_share": described["changed_share"],
+        "mean_change": described.get("mean_change"),
     }
     return {name: value for name, value in kept.items() if value}
 
@@ -45,7 +46,7 @@ def add_up(
         for one, option in enumerate(step.options)
     }
     roles: dict[str, dict[str, Any]] = {}  # by group, by source
-    changed: dict[str, float] = {}
+    changed, levels = dict[str, float](), dict[str, float]()
 
     def add(line: Mapping[str, Any], kept: bool) -> Mapping[str, Any]:
         source, found = line["source"], line["facts"]
@@ -65,6 +66,8 @@ def add_up(
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
         for name, share in found.get("changed_share", {}).items():
             changed[name] = changed.get(name, 0.0) + share
+        for name, mean in found.get("mean_change", {}).items():
+            levels[name] = levels.get(name, 0.0) + mean
     for key, line in rejected:
         summary.rejected[key] = "; ".join(add(line, False)["faults"])
     summary.roles = role_facts.disagreements(roles)
@@ -75,6 +78,8 @@ def add_up(
     summary.fell_short = [words for one in outcomes.values() for words in one.fell_short()]
     for name in sorted(changed):
         summary.changed_share[name] = round(changed[name] / summary.copies, 6)
+    for name in sorted(levels):
+        summary.mean_change[name] = round(levels[name] / summary.copies, 3)
     _sources_warned(run, summary)
 
 
