@@ -39,6 +39,8 @@ def audit(
 
 
 def _print_report(given: dict[str, Any], node: str | None) -> None:
+    from rpaug.pipeline import report
+
     say(f"copy {given['copy']} of {given['source']}, seed {given['seed']}, made on {node}")
     for draw in given["draws"]:
         if draw.get("skipped"):
@@ -47,7 +49,7 @@ def _print_report(given: dict[str, Any], node: str | None) -> None:
             say(f"  {draw['op']}: left out: {draw['left_out']}")
         else:
             say(f"  {draw['op']}: {json.dumps(draw['edit'], ensure_ascii=False)}")
-    for name, share in given["changed_share"].items():
-        say(f"  {name}: {100 * share:.1f} % of pixels changed")
+    for name in given["changed_share"]:
+        say(f"  {name}: {report.change(given, name)}")
     for name, value in (given.get("gates") or {}).get("figures", {}).items():
         say(f"  gate {name}: {json.dumps(value)}")

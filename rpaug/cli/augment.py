@@ -221,18 +221,11 @@ def contact_sheet(run: Any, described: dict[str, Any]) -> int:
     return 0
 
 
-def _alike(reasons: dict[str, str]) -> list[tuple[list[str], str]]:
-    """Keys whose reasons differ at most in what there is instead, with the first one's reason."""
-    found: dict[str, tuple[list[str], str]] = {}
-    for key, reason in reasons.items():
-        told = reason.removeprefix(f"{key}: ")
-        found.setdefault(told.partition("there is: ")[0], ([], told))[0].append(key)
-    return list(found.values())
-
-
 def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> None:
     """What a run came to, for people."""
-    for keys, reason in _alike(described["failures"]):
+    from rpaug.pipeline.run import alike
+
+    for keys, reason in alike(described["failures"]):
         more = f" (and {counted(len(keys) - 1, 'other episode')} alike)" if keys[1:] else ""
         warn("skipped", f"{keys[0]}{more}: {reason}")
     for key, warnings in described["warnings"].items():
@@ -242,7 +235,7 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
         warn("roles differ", words)
     for words in lacked:
         warn("left out", words)
-    for keys, reason in _alike(described["rejected"]):
+    for keys, reason in alike(described["rejected"]):
         more = f" (and {counted(len(keys) - 1, 'other copy')} alike)" if keys[1:] else ""
         warn("rejected", f"{keys[0]}{more}: {reason}")
     if described["aborted"]:

@@ -3,12 +3,15 @@
 import json
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from tempfile import TemporaryFile
 from typing import Any, TextIO
 
-from rpaug.cli.console import say, warn
+from rpaug.cli.console import counted, say, warn
 from rpaug.core.errors import RpaugError
+
+SHOWN = 3  # episodes that are listed, of those of which the same is said
 
 
 def print_plans(run: Any, resume: bool, as_json: bool) -> int:
@@ -18,7 +21,7 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     from rpaug.pipeline.augment import check
 
     check(run, resume)
-    planned, failed, known = 0, dict[str, str](), list[str]()
+    planned, failed, known, alike = 0, dict[str, str](), list[str](), _Alike()
     total = {"seconds": plan.SECONDS_START, "megabytes": 0.0}
     with TemporaryFile("w+") as plans:
         for at, key in enumerate(run.keys):
@@ -39,13 +42,35 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
                 plans.write(f"{',' if planned > 1 else ''}\n{json.dumps(one)}")
             else:
                 regions = [str(region) for region in made.regions if region.met is not None]
-                known = _tell(one, regions, known)
+                if alike.shown(one, regions):
+                    known = _tell(one, regions, known)
         rounded = {name: round(value, 1) for name, value in total.items()}
         if as_json:
             _print(plans, len(run.copies), failed, rounded)
     if not as_json:
+        for first, more in alike.folded():
+            say(f"{first}: and {counted(more, 'other episode')} alike (--json lists all)")
         _sum_up(planned * len(run.copies), failed, rounded, run.linked)
     return 2 if not planned else 1 if failed else 0
+
+
+@dataclass
+class _Alike:
+    """Of how many episodes the same is said, frames and cost apart: the first few are listed, the others counted."""
+
+    counts: dict[int, tuple[str, int]] = field(default_factory=dict)
+
+    def shown(self, one: Mapping[str, Any], regions: list[str]) -> bool:
+        """Whether this episode, one more, is to be listed."""
+        stated = {k: v for k, v in one.items() if k not in ("episode", "frames", "estimate")}
+        key = hash((json.dumps(stated), *regions))  # the text itself would take memory
+        first, count = self.counts.get(key, (one["episode"], 0))
+        self.counts[key] = first, count + 1
+        return count < SHOWN
+
+    def folded(self) -> Iterator[tuple[str, int]]:
+        """The first episode of each kind of which some are not listed, and how many those are."""
+        return ((key, count - SHOWN) for key, count in self.counts.values() if count > SHOWN)
 
 
 def _tell(one: Mapping[str, Any], regions: list[str], known: list[str]) -> list[str]:
@@ -69,8 +94,11 @@ def _tell(one: Mapping[str, Any], regions: list[str], known: list[str]) -> list[
 def _sum_up(
     copies: int, failed: Mapping[str, str], total: Mapping[str, float], linked: bool
 ) -> None:
-    for key, reason in failed.items():
-        warn("would skip", f"{key}: {reason}")
+    from rpaug.pipeline.run import alike
+
+    for keys, reason in alike(failed, files=False):
+        more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+        warn("would skip", f"{', '.join(keys[:SHOWN])}{more}: {reason}")
     room = f"{'at most ' if linked else ''}{total['megabytes']} MB"
     about = f"about {total['seconds']} s on one core and {room}"
     say(f"{copies} copies, {about}. Nothing was written.")

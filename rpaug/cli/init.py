@@ -26,10 +26,10 @@ def init(
     from rpaug.pipeline import starter
     from rpaug.scene.targets import settled
 
-    found = registry.read(dataset, episode)
+    found, keys = registry.read_among(dataset, episode)
     with progress_bar("trying edits", as_json):
         described = inspection.inspect(found, roles=settled.read(dataset))[0]
-        made = starter.text(found, described)
+        made = starter.text(found, described, len(keys))
     write_new(out, made.encode())
     if as_json:
         print_json({"recipe": str(out), "episode": found.key})

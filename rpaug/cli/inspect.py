@@ -49,6 +49,7 @@ def inspect(
         return _listed(dataset, below, as_json)
 
     from rpaug.core.visible import quoted
+    from rpaug.pipeline import inputs
     from rpaug.pipeline import inspect as inspection
     from rpaug.pipeline.role_facts import sure
     from rpaug.providers import models_settings
@@ -71,7 +72,8 @@ def inspect(
         described["html"] = str(html)
     if write_roles:
         path = dataset / roles.NAME
-        write_new(path, inspection.roles_file(rows, list(others.values())).encode())
+        lasting = inputs.handles_hold(found, len(keys))
+        write_new(path, inspection.roles_file(rows, list(others.values()), lasting).encode())
         described["roles_file"] = str(path)
     if as_json:
         print_json(described)

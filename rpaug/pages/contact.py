@@ -4,6 +4,7 @@ for each run of twenty-four, so that all can be seen."""
 import html
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,7 +18,7 @@ from rpaug.core import keyframes
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, write_changed
 from rpaug.core.interfaces import Adapter
-from rpaug.core.types import Episode
+from rpaug.core.types import CameraView, Episode
 from rpaug.core.visible import quoted
 from rpaug.pages import told
 from rpaug.pages.document import document, facts, figure, jpeg
@@ -27,6 +28,7 @@ MOST_EPISODES = 8  # of the sheet
 ON_A_PAGE = 24  # episodes, recorded ones among them
 MOST_FRAMES = 4
 TILE = 144  # pixels, of one image's height on the sheet
+BLACK = 8  # levels of a camera that shows nothing, at most: a codec's error
 GAIN = 2  # the difference is shown twice as strong, around grey
 LEGEND = f"<p class=soft>Rows: recorded, edited, difference (times {GAIN}, grey is none). Columns: key frames.</p>"
 
@@ -129,7 +131,11 @@ def _facts(summary: Mapping[str, Any]) -> list[tuple[str, object]]:
     shares = ", ".join(
         f"{name} {100 * share:.{0 if share >= 0.01 else 1}f} %" for name, share in changed.items()
     )
-    return [*found, ("pixels changed", shares)] if shares else found
+    levels = ", ".join(
+        f"{name} {mean:.1f}" for name, mean in summary.get("mean_change", {}).items()
+    )
+    more = [("pixels changed", shares), ("mean change in levels of 255", levels)]
+    return [*found, *((name, value) for name, value in more if value)]
 
 
 def _recorded(adapter: Adapter, source: Path) -> Callable[[str], Episode]:
@@ -146,14 +152,18 @@ def _section(
 ) -> str:
     before, after = recorded(described["source"]), adapter.read(target, key)
     frames = key_frames(before)
+    times = [*frames, *(t for t in range(before.length) if t not in frames)]
+    shown = {n: one for n, one in before.views.items() if not _black(one, after.views[n], times)}
+    after = replace(after, views={name: after.views[name] for name in shown})
+    dark = [name for name in before.views if name not in shown]
+    left_out = f"<p class=soft>Black throughout, left out: {html.escape(', '.join(dark))}.</p>"
     figures = [
         figure(
             jpeg(image),
             f"{name}: recorded, edited, difference",
-            f"{name}, frames {', '.join(map(str, frames))}; "
-            f"{100 * described['changed_share'].get(name, 0.0):.1f} % of pixels changed",
+            f"{name}, frames {', '.join(map(str, frames))}; {report.change(described, name)}",
         )
-        for name, image in sheet(before, after, frames).items()
+        for name, image in sheet(replace(before, views=shown), after, frames).items()
     ]
     repainted = {int(one): word for one, word in described.get("repainted", {}).items()}
     words = "".join(
@@ -164,9 +174,14 @@ def _section(
     return (
         f"<h2>{html.escape(key)}</h2><p>{html.escape(quoted(after.instruction))}, copy {described['copy']} of "
         f"{html.escape(described['source'])}</p><ul class=told>{words or '<li>nothing was drawn'}</ul>"
-        f"<div class='views large'>{''.join(figures)}</div>"
+        f"<div class='views large'>{''.join(figures)}</div>{left_out if dark else ''}"
         f"<details><summary>drawn values as JSON</summary><pre tabindex=0>{html.escape(drawn)}</pre></details>"
     )
+
+
+def _black(recorded: CameraView, made: CameraView, times: Sequence[int]) -> bool:
+    """Whether a camera shows nothing at these times, neither recorded nor edited."""
+    return all(max(int(view.rgb(t).max()) for view in (recorded, made)) <= BLACK for t in times)
 
 
 def _yaml(recipe: Mapping[str, Any]) -> str:

@@ -167,7 +167,8 @@ function told() {
   } else if (shot && Object.keys(shot.measured).length) {
     gates.textContent = "gates passed: " + Object.entries(shot.measured).map(([k, v]) => `${k} ${+v.toPrecision(3)}`).join(", ");
   } else if (shot) gates.textContent = DATA.served ? "gates are measured when copies are written" : "gates passed";
-  $("drawn").replaceChildren(list, gates);
+  const change = element("p", {className: "soft", textContent: shot ? "mean change, levels of 255: " + Object.entries(shot.change).map(([k, v]) => `${k} ${v}`).join(", ") : ""});
+  $("drawn").replaceChildren(list, gates, change);
   $("roles").replaceChildren(...Object.entries(episode.roles).map(([role, one]) => {
     const color = (episode.instances.find((i) => i.id === one.ids[0]) || {color: [127, 127, 127]}).color;
     const dot = element("span", {className: "dot"});

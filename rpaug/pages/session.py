@@ -113,6 +113,7 @@ class Session:
             "faults": list(made.faults),
             "measured": made.figures.describe() if judged else {},
             "added": self._added(made, numbers),
+            "change": self._change(made, frames),
             "images": {name: _images(view, frames, numbers) for name, view in views.items()},
         }
 
@@ -126,6 +127,17 @@ class Session:
                     seen |= set(np.unique(view.ids(t)).tolist())
         added = sorted(added_ids(made) & seen)
         return {one: number for number, one in enumerate((*known, *added), 1) if number < 256}
+
+    def _change(self, made: Made, frames: Sequence[int]) -> dict[str, float]:
+        """By camera the mean change in levels of 255, over these frames and all pixels."""
+        seen, out = self.found[2].views, {}
+        for name, view in made.recorded.views.items():
+            pairs = [(seen[name].rgb(t), view.rgb(t)) for t in frames]
+            means = [
+                float(cv2.absdiff(*pair).mean()) for pair in pairs if pair[0].shape == pair[1].shape
+            ]
+            out[name] = round(float(np.mean(means)), 1) if means else 0.0
+        return out
 
     def _added(self, made: Made, numbers: Mapping[int, int]) -> list[dict[str, Any]]:
         names = {

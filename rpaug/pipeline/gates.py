@@ -24,7 +24,7 @@ MOMENTS = 8  # pairs of neighbouring frames that flicker and agreement are measu
 STILL = 1e-3  # metres of depth up to which a pixel shows the same place in the next frame
 ADVANCE = 0.5  # pixels to the next frame from which a thing moves: what it covers anew over its area's root
 WORST = 0.1  # of the pixels of what moves: those of the frames in which most of it is invented
-CURE = ": nobody recorded it from there; the robot's file shows it (arms: [FILE])"
+CURE = ": that share of what moves is invented, nobody recorded it from there; the robot's file shows it (arms: [FILE])"
 CURES = {"moving": CURE, "torn": CURE}
 FAINT = 0.02  # brightest channel below which no hue can be told
 

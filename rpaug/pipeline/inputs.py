@@ -8,6 +8,7 @@ from typing import Any
 
 from rpaug.core.errors import BadInput, BadRecipe, RpaugError, Unsupported
 from rpaug.core.interfaces import Adapter
+from rpaug.core.types import Episode
 from rpaug.physics.materials import FILE
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.recipe import Recipe
@@ -81,15 +82,20 @@ def see_handles_hold(recipe: Recipe, adapter: Adapter, source: Path, keys: Seque
     if len(keys) < 2 or not named:
         return
     try:
-        views = adapter.read(source, keys[0]).views.values()
+        first = adapter.read(source, keys[0])
     except RpaugError:  # said when it is its turn
         return
-    if all(view.ids is None for view in views):
+    if not handles_hold(first, len(keys)):
         raise Unsupported(
             f"{' and '.join(named)}: found a handle, and {len(keys)} episodes without recorded masks; "
             "expected a role or words: handles are given anew in each of them, so one names a thing in one episode "
             f"(select: {{episodes: [{keys[0]}]}})"
         )
+
+
+def handles_hold(first: Episode, episodes: int) -> bool:
+    """Whether a handle names the same thing in all of so many episodes, `first` among them."""
+    return episodes < 2 or any(view.ids is not None for view in first.views.values())
 
 
 def _by_handle(value: Any) -> bool:

@@ -84,25 +84,30 @@ def disagreement(dataset: Path, found: Mapping[str, Mapping[str, Any]]) -> list[
     adapter, groups = registry.adapter_for(dataset), dict[str, dict[str, Any]]()
     for key, one in found.items():
         groups.setdefault(group_of(adapter, key), {})[key] = one
-    return [words for group in groups.values() for words in role_facts.disagreement(group)]
+    return role_facts.disagreements(groups)
 
 
-def roles_file(rows: Sequence[InstanceSummary], every: Sequence[Mapping[str, Any]]) -> str:
+def roles_file(
+    rows: Sequence[InstanceSummary], every: Sequence[Mapping[str, Any]], lasting: bool = True
+) -> str:
     """A `roles.yaml` of one episode's roles: by mask id where all episodes believe the same ids, else by a color that
-    nothing else has; a role that neither tells is a comment."""
+    nothing else has; a role that neither tells is a comment.
+
+    Ids are not `lasting` where each of several episodes is numbered anew: none is written then, since it would be
+    refused.
+    """
     lines = []
+    elsewhere = "other ids elsewhere" if lasting else "without recorded masks ids hold in one alone"
     for role in dict.fromkeys(row.role for row in rows if row.role):
         own = [row for row in rows if row.role == role]
         ids, colors = [row.instance_id for row in own], sorted({row.color_name for row in own})
         alone = {row.instance_id for row in rows if row.color_name in colors} == {*ids}
-        if all(one.get(role, {}).get("handles") == ids for one in every):
+        if lasting and all(one.get(role, {}).get("handles") == ids for one in every):
             lines.append(f"  {role}: {{handle: {ids}}}")
         elif alone and len(colors) == 1:
             lines.append(f"  {role}: {{color: {colors[0]}, all: true}}")
         else:
-            lines.append(
-                f"  # {role}: {ids} in this episode; other ids elsewhere, and no color of its own"
-            )
+            lines.append(f"  # {role}: {ids} in this episode; {elsewhere}, and no color of its own")
     empty = all(line.startswith("  #") for line in lines)
     return "\n".join(["version: 1", "roles: {}" if empty else "roles:", *lines]) + "\n"
 

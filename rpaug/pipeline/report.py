@@ -11,6 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Int32, UInt8
 
@@ -38,6 +39,7 @@ class Tally:
     shown: dict[tuple[int, str], tuple[int, int]] = field(default_factory=dict)
     changed: dict[tuple[str, int], int] = field(default_factory=dict)
     total: dict[tuple[str, int], int] = field(default_factory=dict)
+    levels: dict[tuple[str, int], float] = field(default_factory=dict)
     outside: dict[tuple[str, int], int] = field(default_factory=dict)
     holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
     moving: dict[tuple[str, int], tuple[int, int]] = field(default_factory=dict)
@@ -52,12 +54,14 @@ class Tally:
         after: UInt8[np.ndarray, "h w 3"],
         seconds: float,
     ) -> None:
-        """Count the pixels of one frame whose color changed, once however often it is rendered, and add up the
-        thread seconds."""
+        """Count the pixels of one frame whose color changed and by how many grey levels, once however often it is
+        rendered, and add up the thread seconds."""
         differs = int(np.count_nonzero(differing(before, after)))
+        levels = float(sum(cv2.sumElems(cv2.absdiff(before, after)))) / 3 if differs else 0.0
         with self.lock:
             self.seconds += seconds
             self.changed[camera, t] = differs
+            self.levels[camera, t] = levels
             self.total[camera, t] = before.shape[0] * before.shape[1]
 
     def hole(self, camera: str, t: int, mask: Bool[np.ndarray, "h w"]) -> None:
@@ -77,8 +81,14 @@ class Tally:
     def summary(self) -> dict[str, Any]:
         """Changed and invented pixels per camera, and of each added instance where it shows most."""
         changed = {name: _sum(self.changed, name) for name in self.cameras}
-        share = {name: round(n / max(_sum(self.total, name), 1), 6) for name, n in changed.items()}
-        out: dict[str, Any] = {"changed_pixels": changed, "changed_share": share}
+        total = {name: max(_sum(self.total, name), 1) for name in self.cameras}
+        out: dict[str, Any] = {
+            "changed_pixels": changed,
+            "changed_share": {name: round(n / total[name], 6) for name, n in changed.items()},
+            "mean_change": {
+                name: round(_sum(self.levels, name) / total[name], 3) for name in self.cameras
+            },
+        }
         if self.holes:
             per_camera: dict[str, list[float]] = {}
             for key, mask in self.holes.items():
@@ -110,9 +120,16 @@ class Tally:
         return buffer.getvalue()
 
 
-def _sum(counts: dict[tuple[str, int], int], camera: str) -> int:
-    """Over all frames of one camera."""
-    return sum(count for (name, _), count in counts.items() if name == camera)
+def _sum(counts: Mapping[tuple[str, int], int | float], camera: str) -> float:
+    """Over all frames of one camera, in their order: threads end in any."""
+    return sum(counts[one] for one in sorted(counts) if one[0] == camera)
+
+
+def change(given: Mapping[str, Any], camera: str) -> str:
+    """How much of one camera's images changed, in words; earlier reports say no mean."""
+    share = f"{100 * given['changed_share'].get(camera, 0.0):.1f} % of pixels changed"
+    mean = given.get("mean_change", {}).get(camera)
+    return share if mean is None else f"{share}, by {mean:.1f} of 255 levels over all"
 
 
 class Stopwatch:

@@ -40,7 +40,20 @@ def compared(described: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, 
     }
 
 
-def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
+def disagreements(
+    groups: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]],
+) -> list[str]:
+    """`disagreement` of every group of episodes; of several groups each is named."""
+    return [
+        words
+        for name, found in groups.items()
+        for words in disagreement(found, f" of {name}" if len(groups) > 1 else "")
+    ]
+
+
+def disagreement(
+    found: Mapping[str, Mapping[str, Mapping[str, Any]]], where: str = ""
+) -> list[str]:
     """In which roles the episodes of one task differ, in sentences, by what `describe` gave of each by its key.
 
     A role differs where some episodes have it and others have not, or where its longest instance is more than `SAME`
@@ -53,7 +66,7 @@ def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[s
         )
         if 0 < len(without) < len(found):
             stated.append(
-                f"{role}: {len(without)} of {len(found)} episodes have none: {_few([*without])}"
+                f"{role}: {len(without)} of {len(found)} episodes{where} have none: {_few([*without])}"
             )
         lengths = {
             key: one[role]["longest_cm"]
@@ -64,7 +77,7 @@ def disagreement(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[s
         odd = [key for key, one in lengths.items() if not middle / SAME <= one <= middle * SAME]
         if odd:
             stated.append(
-                f"{role}: mostly {middle:.0f} cm long, otherwise in {len(odd)} of {len(lengths)} episodes:"
+                f"{role}: mostly {middle:.0f} cm long, otherwise in {len(odd)} of {len(lengths)} episodes{where}:"
                 f" {', '.join(f'{key} ({lengths[key]:.0f} cm)' for key in odd[:4])}"
             )
     return stated

@@ -1,6 +1,7 @@
 """What is asked of a run over a dataset, which copies it makes of which episodes, and what it came to."""
 
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -137,6 +138,7 @@ class Summary:
     aborted: str | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     changed_share: dict[str, float] = field(default_factory=dict)
+    mean_change: dict[str, float] = field(default_factory=dict)  # grey levels, over all pixels
     warnings: dict[str, list[str]] = field(default_factory=dict)  # by source episode
     left_out: list[dict[str, Any]] = field(default_factory=list)  # edits: where, how often, why
     fell_short: list[dict[str, Any]] = field(
@@ -156,7 +158,7 @@ class Summary:
         """One sentence for each edit that was left out somewhere."""
         return [
             f"{one['edit']}: {'in no copy: ' if one['nowhere'] else ''}"
-            f"{one['episodes']} of {one['drawn_in']} episodes lacked it: {one['reason']}"
+            f"{one['episodes']} of {one['drawn_in']} episodes lacked it: {_reasons(one['reasons'])}"
             for one in self.left_out
         ]
 
@@ -174,6 +176,28 @@ class Summary:
         if not (self.failures or self.aborted or self.rejected or self.unmet):
             return 0
         return 1 if self.copies or self.rejected or self.missing else 2
+
+
+def alike(reasons: Mapping[str, str], *, files: bool = True) -> list[tuple[list[str], str]]:
+    """Keys whose reasons differ at most in what there is instead, with the first one's reason; without `files` in the
+    key too, as where each names a file of its episode."""
+    found: dict[str, tuple[list[str], str]] = {}
+    for key, reason in reasons.items():
+        told = reason.removeprefix(f"{key}: ")
+        same = told.partition("there is: ")[0]
+        found.setdefault(same if files else same.replace(key, ""), ([], told))[0].append(key)
+    return list(found.values())
+
+
+def _reasons(found: Sequence[Mapping[str, Any]]) -> str:
+    """Why episodes lacked an edit, in a sentence; of several reasons each with its number of episodes, and without what
+    there is instead, which differs between episodes."""
+    if len(found) == 1 and found[0]["episodes"] == 1:
+        return str(found[0]["reason"])
+    brief = [(one["episodes"], one["reason"].partition("; there is: ")[0]) for one in found]
+    if len(brief) == 1:
+        return str(brief[0][1])
+    return "; ".join(f"in {episodes}: {reason}" for episodes, reason in brief)
 
 
 def group_of(adapter: Adapter, key: str) -> str:

@@ -1,6 +1,7 @@
 """A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,11 +11,12 @@ import numpy as np
 from rpaug.core.errors import RpaugError
 from rpaug.core.types import Episode, Scene
 from rpaug.core.visible import quoted
-from rpaug.pipeline import copies, prepare
+from rpaug.pipeline import copies, inputs, prepare
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.plan import Plan
 from rpaug.pipeline.recipe import Recipe
 from rpaug.pipeline.recipe_yaml import parse
+from rpaug.scene.targets.targets import BY_WORDS
 
 CANDIDATES = (
     (
@@ -42,16 +44,18 @@ CANDIDATES = (
 )
 TRIED, LOOKED_AT = 4, 5  # draws that gates judge, and frames of each
 FEW = 3  # edits
-STATIC, REJECTED = "camera: static", "gates would reject"
+STATIC, REJECTED = "camera: static", "the gates, which check copies, would reject"
+SHADES = frozenset({"black", "gray", "silver", "white"})  # of them walls and shadows are too
 WIDTH = 118  # columns of a comment
 
 
-def text(episode: Episode, described: Mapping[str, Any]) -> str:
-    """The recipe as YAML with comments. `described` is what `inspect` says of the episode.
+def text(episode: Episode, described: Mapping[str, Any], episodes: int = 1) -> str:
+    """The recipe as YAML with comments. `described` is what `inspect` says of the episode, one of so many.
 
     Raises RpaugError where nothing at all can be edited, with the reasons.
     """
     lines, usable, reasons = list[str](), 0, list[str]()
+    lasting = inputs.handles_hold(episode, episodes)
     for words, entry in CANDIDATES:
         reason = _lacking(episode, entry)
         if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
@@ -63,11 +67,13 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
         else:
             reasons.append(reason)
             lines += [*_comment(f"not here: {words}: {reason}", "  # "), f"  # - {entry}"]
+        if entry == CANDIDATES[0][1] and reason is not None:
+            lines += _by_instance(episode, described, lasting)
     if not usable:
         raise RpaugError(f"{episode.key}: no edit can be made: {'; '.join(dict.fromkeys(reasons))}")
     if usable <= FEW:  # else many copies would be the recording
         lines = [line.replace("probability: 0.5", "probability: 0.9") for line in lines]
-    head = [line for one in _facts(episode, described) for line in _comment(one, "# ")]
+    head = [line for one in _facts(episode, described, lasting) for line in _comment(one, "# ")]
     made = "\n".join(
         [
             *head,
@@ -84,40 +90,76 @@ def text(episode: Episode, described: Mapping[str, Any]) -> str:
     return made
 
 
-def _facts(episode: Episode, described: Mapping[str, Any]) -> list[str]:
+def _by_instance(episode: Episode, described: Mapping[str, Any], lasting: bool) -> list[str]:
+    """A recolor of one instance without a role, as a comment: a person has to say whether that is a thing. By its
+    handle where that holds in all episodes, else by a color that nothing else has."""
+    instances = described.get("instances", ())
+    colors = Counter(one["color_name"] for one in instances)
+    free = [one for one in instances if not one["role"]]
+    if not lasting:
+        free = [
+            one
+            for one in free
+            if colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
+        ]
+    scene = None
+    for one in sorted(free, key=lambda one: -sum(one["pixels"].values())):
+        target = f"{{handle: {one['handle']}}}" if lasting else f"the {one['color_name']} thing"
+        entry = f"{{op: recolor, target: {target}, color: {{sample: colosseum}}, probability: 0.5}}"
+        recipe = _always(entry)
+        try:
+            scene = scene or prepare.prepare_scene(episode, recipe, 0)[0]
+            prepare.ground(scene, recipe)
+        except RpaugError:
+            continue
+        words = f"if instance {one['handle']} ({one['color_name']}) is a thing, as `rpaug inspect --html` shows it:"
+        return [*_comment(f"{words} another color", "  # "), f"  # - {entry}"]
+    return []
+
+
+def _facts(episode: Episode, described: Mapping[str, Any], lasting: bool) -> list[str]:
     """What was found, in sentences."""
+    found = {role: one for role, one in described.get("roles", {}).items() if one["handles"]}
     roles = [
         f"{role}: {', '.join(map(str, one['handles']))}"
-        for role, one in described.get("roles", {}).items()
-        if one["handles"]
+        for role, one in found.items()
+        if one["believed"]
     ]
+    doubted = [role for role, one in found.items() if not one["believed"]]
+    doubts = f" Not sure enough to be edited: {', '.join(doubted)}." if doubted else ""
     return [
         f"A first recipe for {episode.key}: {quoted(episode.instruction)}, {episode.length} frames, "
         f"camera{'s' if len(episode.views) > 1 else ''} {', '.join(episode.views)}.",
-        f"Instances by role: {'; '.join(roles) or 'none were found'}. `rpaug inspect` shows what they are, "
-        '`{handle: N}` names one, `{text: "the red cup"}` too.',
+        f"Instances by role: {'; '.join(roles) or 'none were found'}.{doubts} `rpaug inspect` shows what they are, "
+        + ("`{handle: N}` or " if lasting else "")
+        + '`{text: "the red cup"}` names one.',
         "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT.",
     ]
 
 
 def _lacking(episode: Episode, entry: str) -> str | None:
     """Why the episode has nothing for an edit, or why gates would reject most of its draws; None if it has."""
-    tree, _ = parse(f"version: 1\nedits:\n  - {entry}\n".encode(), "recipe")
-    recipe = recipes.build({**tree, "edits": [{**tree["edits"][0], "probability": 1}]})
+    recipe = _always(entry)
     try:
         scene, plan = prepare.prepare_scene(episode, recipe, 0)
         prepare.ground(scene, recipe)
     except RpaugError as error:
         name = recipe.steps[0].options[0].name
         told = str(error).removeprefix(f"{episode.key}: ").removeprefix(f"{name}: ")
-        return told.partition("; there is: ")[0]
+        return told.partition("; there is: ")[0].partition(f"; {BY_WORDS}")[0]
     if recipe.gates is None:
         return None
     found = [_faults(scene, plan, recipe, copy) for copy in range(1, TRIED + 1)]
     failed = [one[0] for one in found if one]
     if len(failed) <= TRIED // 2:
         return None
-    return f"{REJECTED} {len(failed)} of {TRIED} draws: {failed[0]}"
+    return f"{REJECTED} {len(failed)} of {TRIED} trial copies: {failed[0]}"
+
+
+def _always(entry: str) -> Recipe:
+    """A recipe of one edit, in every copy."""
+    tree, _ = parse(f"version: 1\nedits:\n  - {entry}\n".encode(), "recipe")
+    return recipes.build({**tree, "edits": [{**tree["edits"][0], "probability": 1}]})
 
 
 def _fewer_cameras(episode: Episode, entry: str, reason: str) -> str | None:

@@ -7,7 +7,7 @@ from typing import Any
 from rpaug.core import splits
 from rpaug.pipeline import plan, report, role_facts
 from rpaug.pipeline.recipe import Option, Recipe, Step
-from rpaug.pipeline.run import Run, Summary, group_of
+from rpaug.pipeline.run import Run, Summary, alike, group_of
 
 
 def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
@@ -28,6 +28,7 @@ def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
         "faults": (described.get("gates") or {}).get("faults"),
         "seconds": described["seconds"],
         "changed_share": described["changed_share"],
+        "mean_change": described.get("mean_change"),
     }
     return {name: value for name, value in kept.items() if value}
 
@@ -45,7 +46,7 @@ def add_up(
         for one, option in enumerate(step.options)
     }
     roles: dict[str, dict[str, Any]] = {}  # by group, by source
-    changed: dict[str, float] = {}
+    changed, levels = dict[str, float](), dict[str, float]()
 
     def add(line: Mapping[str, Any], kept: bool) -> Mapping[str, Any]:
         source, found = line["source"], line["facts"]
@@ -65,9 +66,11 @@ def add_up(
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
         for name, share in found.get("changed_share", {}).items():
             changed[name] = changed.get(name, 0.0) + share
+        for name, mean in found.get("mean_change", {}).items():
+            levels[name] = levels.get(name, 0.0) + mean
     for key, line in rejected:
         summary.rejected[key] = "; ".join(add(line, False)["faults"])
-    summary.roles = [words for group in roles.values() for words in role_facts.disagreement(group)]
+    summary.roles = role_facts.disagreements(roles)
     summary.left_out = [words for one in outcomes.values() for words in one.left_out()]
     summary.unmet = any(
         _unmet(outcomes, number, step) for number, step in enumerate(run.recipe.steps)
@@ -75,6 +78,8 @@ def add_up(
     summary.fell_short = [words for one in outcomes.values() for words in one.fell_short()]
     for name in sorted(changed):
         summary.changed_share[name] = round(changed[name] / summary.copies, 6)
+    for name in sorted(levels):
+        summary.mean_change[name] = round(levels[name] / summary.copies, 3)
     _sources_warned(run, summary)
 
 
@@ -108,9 +113,12 @@ class EditOutcomes:
 
     def left_out(self) -> Iterator[dict[str, Any]]:
         """Where episodes had nothing for it: in how many of those that drew it, in how many copies, if in all that drew
-        it, the reason."""
+        it, the reasons with the episodes that each holds for, the most frequent first."""
         if self.lacking:
             of = ", ".join(map(str, plan.targets(self.option.operator)))
+            reasons = [
+                {"episodes": len(keys), "reason": one} for keys, one in alike(self.lacked_in)
+            ]
             yield {
                 "step": self.step,
                 "edit": f"{self.option.name} of {of}" if of else self.option.name,
@@ -118,7 +126,7 @@ class EditOutcomes:
                 "drawn_in": len(self.drawn_in),
                 "copies": self.lacking,
                 "nowhere": self.nowhere,
-                "reason": next(iter(self.lacked_in.values())),
+                "reasons": sorted(reasons, key=lambda one: -one["episodes"]),
             }
 
     def fell_short(self) -> Iterator[dict[str, Any]]:

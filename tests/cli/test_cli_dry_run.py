@@ -54,6 +54,26 @@ def test_what_is_assumed_of_one_episode_after_the_other_is_said_once(
     assert [line.split(":")[0] for line in lines] == ["a", "a level support", "77 px", "b", "80 px"]
 
 
+def test_episodes_of_which_the_same_is_said_are_folded(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    for number in range(2, 12):
+        shutil.copytree(dataset / GROUP / "episode0", dataset / GROUP / f"episode{number}")
+    for number in range(7, 12):
+        (dataset / GROUP / f"episode{number}/low_dim_obs.pkl").write_bytes(b"")
+    given = ("augment", dataset, "--recipe", tmp_path / "r.yaml", "--out", tmp_path / "out")
+    code, out, err = run(*given, "--dry-run")
+    assert code == 1
+    listed = [line for line in out.splitlines() if line.startswith(GROUP) and " frames; " in line]
+    assert len(listed) == dry_run.SHOWN
+    assert f"{GROUP}/episode0: and 4 other episodes alike (--json lists all)" in out
+    (skipped,) = [line for line in err.splitlines() if "would skip" in line]
+    assert " and 2 more: " in skipped
+    assert "7 copies" in out
+    _, out, _ = run(*given, "--dry-run", "--json")
+    assert len(json.loads(out)["plans"]) == 7
+    assert len(json.loads(out)["unreadable"]) == 5
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_memory_does_not_grow_with_the_episodes(
     as_json: bool, monkeypatch: pytest.MonkeyPatch

@@ -90,3 +90,37 @@ def test_no_part_of_a_page_is_markup_of_others(part: str, tmp_path: Path) -> Non
     page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
     assert "&lt;script&gt;alert(1)" in page
     assert "<script" not in page
+
+
+def test_a_camera_that_is_black_throughout_is_left_out_with_a_line(tmp_path: Path) -> None:
+    recorded = scene(EYES, length=2).episode
+    robot = replace(recorded.robot, joint_velocities=np.ones((2, 7)))
+    first, late = list(recorded.views)[:2]
+    views = dict(recorded.views)
+    dark = np.zeros_like(views[first].rgb(0))
+    views[first] = replace(views[first], rgb=lambda t: dark)
+    lit = views[late].rgb
+    views[late] = replace(views[late], rgb=lambda t: lit(t) if t else np.zeros_like(lit(t)))
+    recorded = replace(recorded, robot=robot, views=views)
+    described = {"synthetic": True, "source": "a", "copy": 1, "draws": []}
+    described |= {"changed_share": dict.fromkeys(views, 1.0), "mean_change": {late: 3.25}}
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / report.NAME).write_text(json.dumps(described))
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}, "mean_change": {late: 3.25}}))
+    held = SimpleNamespace(episodes=lambda _: ["a"], read=lambda *_: recorded)
+    page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
+    assert f"Black throughout, left out: {first}." in page
+    assert page.count("<figure") == len(views) - 1
+    assert "100.0 % of pixels changed, by 3.2 of 255 levels over all" in page
+    assert f"{late} 3.2" in page
+
+
+def test_the_mean_change_is_over_all_pixels_of_all_frames() -> None:
+    tally = report.Tally(["front"])
+    before = np.full((4, 4, 3), 100, np.uint8)
+    after = before.copy()
+    after[:2] = 96
+    tally.frame("front", 0, before, after, 0.0)
+    tally.frame("front", 1, before, before, 0.0)
+    assert tally.summary()["mean_change"] == {"front": 1.0}
+    assert tally.summary()["changed_share"] == {"front": 0.25}

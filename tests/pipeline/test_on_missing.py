@@ -56,8 +56,11 @@ def test_what_is_left_out_is_a_line_in_report_and_summary(template: Path, tmp_pa
     assert (maybe.copies, maybe.exit_code) == (2, 0)
     (line,) = json.loads((out / report.SUMMARY).read_bytes())["left_out"]
     assert {"episodes": 2, "drawn_in": 2, "copies": 4}.items() <= line.items()
+    (why,) = line["reasons"]
+    brief, _, instead = why["reason"].partition("; there is: ")
+    assert instead
     assert summary.lacked == [
-        f"recolor of handle 4711: in no copy: 2 of 2 episodes lacked it: {line['reason']}"
+        f"recolor of handle 4711: in no copy: 2 of 2 episodes lacked it: {brief}"
     ]
     key = RLBench().episodes(out)[0]
     given = json.loads((out / key / report.NAME).read_bytes())

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -129,6 +130,18 @@ def test_inspect_writes_the_file_once(dataset: Path) -> None:
     assert json.loads(done.stdout)["roles_file"] == str(dataset / NAME)
 
 
+def test_no_id_is_written_where_it_would_be_refused() -> None:
+    row = SimpleNamespace(role="table", instance_id=3, color_name="gray")
+    other = SimpleNamespace(role="", instance_id=4, color_name="gray")
+    alike = [{"table": {"handles": [3]}}] * 2  # by chance, where each episode is numbered anew
+    assert "  table: {handle: [3]}" in inspection.roles_file([row, other], alike)  # type: ignore[list-item]
+    text = inspection.roles_file([row, other], alike, lasting=False)  # type: ignore[list-item]
+    assert "handle:" not in text
+    assert "# table: [3] in this episode; without recorded masks ids hold in one alone" in text
+    by_color = inspection.roles_file([row], alike, lasting=False)  # type: ignore[list-item]
+    assert "  table: {color: gray, all: true}" in by_color
+
+
 def test_the_page_outlines_roles(scene: Scene) -> None:
     roles = {"receiver": SettledRole(handle=BOX)}
     described, rows, seen = inspection.inspect(scene.episode, roles=roles)
@@ -148,3 +161,5 @@ def test_roles_that_differ_between_episodes_are_said(scene: Scene) -> None:
     assert missing == "table: 1 of 2 episodes have none: b"
     (odd,) = role_facts.disagreement({"a": table, "b": floor, "c": table})
     assert "otherwise in 1 of 3 episodes: b" in odd
+    groups = {"train": {"a": table, "b": none}, "val": {"c": table}}
+    assert role_facts.disagreements(groups) == ["table: 1 of 2 episodes of train have none: b"]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rgb_only_tables
 from typer.testing import CliRunner
 
 import rpaug
@@ -67,7 +68,7 @@ def test_an_edit_stays_if_half_of_its_draws_pass(
 
     monkeypatch.setattr(starter, "_faults", faults)
     made = starter.text(rpaug.read("sample"), {})
-    assert ("gates would reject 3 of 4 draws: dark" in made) == (rejected == 3)
+    assert ("would reject 3 of 4 trial copies: dark" in made) == (rejected == 3)
 
 
 def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,7 +76,7 @@ def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.Monke
     monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[0], far))
     episode = rpaug.read("sample")
     made = starter.text(episode, {})
-    assert "# not here: far: gates would reject" in made
+    assert "# not here: far: the gates, which check copies, would reject" in made
     assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
 
 
@@ -92,5 +93,33 @@ def test_where_gates_reject_all_cameras_at_once_the_others_are_named(
     monkeypatch.setattr(starter, "_faults", faults)
     made = starter.text(rpaug.read("sample"), {})
     assert 'camera: ["front", "left_shoulder", "right_shoulder"]' in made
-    assert "# other cameras stay: gates would reject 4 of 4 draws: torn" in made
+    assert "would reject 4 of 4 trial copies: torn" in made
     assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
+
+
+def photographed() -> tuple[rpaug.Episode, dict]:
+    """Nothing is moved there, a block and a plate lie on a table, and the table is doubted."""
+    episode = rgb_only_tables.episode()
+    described = inspect.inspect(episode)[0]
+    described["roles"]["table"]["believed"] = False
+    return episode, described
+
+
+def test_a_thing_without_a_role_is_offered_as_a_comment() -> None:
+    episode, described = photographed()
+    assert "manipulated" not in described["roles"]
+    alone = starter.text(episode, described)
+    (offer,) = [line for line in alone.splitlines() if "target: {handle: " in line]
+    among = starter.text(episode, described, episodes=2)
+    assert "{handle: " not in among  # it would be refused
+    (named,) = [line for line in among.splitlines() if "target: the " in line]
+    for line in (offer, named):
+        assert line.startswith("  # - {op: recolor")
+        recipe.build({"version": 1, "edits": [starter.parse(line[6:].encode(), "r")[0]]})
+
+
+def test_doubted_roles_are_not_listed_as_found() -> None:
+    episode, described = photographed()
+    head = starter.text(episode, described).partition("version: 1")[0].replace("\n# ", " ")
+    assert "Not sure enough to be edited: table." in head
+    assert "table: " not in head

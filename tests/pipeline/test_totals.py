@@ -33,6 +33,14 @@ def test_things_that_could_not_be_had_are_counted_of_those_asked_for(
     assert summary.shortfalls == ([sentence] if missed else [])
 
 
+def test_each_reason_is_said_with_its_number_of_episodes() -> None:
+    found = outcomes()
+    for number, why in enumerate(["no table", "no room; there is: 1", "no room; there is: 2"]):
+        found.add(f"episode{number}", why, {})
+    (line,) = Summary(left_out=list(found.left_out())).lacked
+    assert line.endswith("3 of 3 episodes lacked it: in 2: no room; in 1: no table")
+
+
 @given(st.lists(st.tuples(st.integers(0, 4), st.booleans()), min_size=1))
 def test_episodes_that_lacked_an_edit_are_counted_of_those_that_drew_it(
     copies: list[tuple[int, bool]],

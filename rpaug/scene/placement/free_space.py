@@ -11,6 +11,7 @@ AROUND = (
     0.2  # metres: what stands with its middle in a part of the room reaches no farther out of it
 )
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
+EDGE = 0.02  # metres to where the support ends or was not seen: cells at its rim hold half a pixel of it
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,14 @@ class FreeSpace:
     ) -> Bool[np.ndarray, "r c"]:
         """Cells onto which the middle of a thing may be put; `outline` is convex, in metres around that middle.
 
-        It keeps `margin` metres from what stands and from the way of what moves.
+        It keeps `margin` metres from what stands and from the way of what moves, and `EDGE` on the support.
         """
         close = (self.still < height) | (self.swept < height + margin)
         taken = cv2.dilate(close.astype(np.uint8), disc(margin))
         shape = _stamp(outline)
         blocked = cv2.dilate(taken, shape, borderValue=1)
-        beside = cv2.dilate((~self.seen).astype(np.uint8), shape, borderValue=1)
+        rim = cv2.dilate((~self.seen).astype(np.uint8), disc(EDGE), borderValue=1)
+        beside = cv2.dilate(rim, shape, borderValue=1)
         return (blocked == 0) & (beside == 0)
 
     def free(

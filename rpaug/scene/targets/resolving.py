@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from rpaug.core.errors import TargetError
-from rpaug.core.types import Scene
+from rpaug.core.types import Belief, Scene
 from rpaug.scene.sampled_frames import SampledFrames
 from rpaug.scene.targets import parts, places, roles
 from rpaug.scene.targets.nouns import Meaning
@@ -17,6 +17,7 @@ from rpaug.scene.targets.parts import Furniture
 from rpaug.scene.targets.relations import GRIPS, PARTS, Phrase, singular
 
 Groups = list[frozenset[int]]
+TOLD_BY = {"manipulated": "what the robot moves", "receiver": "where that goes"}
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,20 @@ class Resolver:
     def _furniture(self) -> Furniture | None:
         return parts.furniture(self.scene, self.sampled) if self.sampled.cameras else None
 
-    def _role(self, role: str) -> frozenset[int]:
+    def _role(self, role: str, meaning: Meaning) -> frozenset[int]:
+        """What plays the role by which the instruction tells a noun. Raises TargetError in terms of the noun."""
         known = self.scene.roles.get(role, frozenset()) & self.scene.instance_ids
-        if not known:
-            raise TargetError(why(self.scene, role))
-        return known
+        if known:
+            return known
+        doubted = self.scene.beliefs.get(role)
+        cause = f"that is doubted: {_doubt(doubted)}" if doubted else _unseen(self.scene, role)
+        raise TargetError(
+            f"the instruction tells the {meaning.stated} by {TOLD_BY[role]}, and {cause}"
+        )
 
     def _moved(self, meaning: Meaning, phrase: Phrase) -> Resolved:
         """What the robot moved. Of several things a part's name means what moves on furniture, another what is free."""
-        self._role("manipulated")
+        self._role("manipulated", meaning)
         own, piece = parts.moved_things(self.scene, self.sampled), self._furniture
         noun = singular(meaning.stated)
         if meaning.tool is not None and self.sampled.cameras:
@@ -121,7 +127,7 @@ class Resolver:
 
     def _goal(self, meaning: Meaning, phrase: Phrase) -> Resolved:
         """Where the moved thing goes: the receiver, unless that is only the table."""
-        role = self._role("receiver")
+        role = self._role("receiver", meaning)
         if role <= self.scene.roles.get("table", frozenset()):
             raise TargetError(
                 f"the instruction brings something to the {meaning.stated}, and at the end it touches only the table"
@@ -132,7 +138,7 @@ class Resolver:
 
     def _part(self, meaning: Meaning, phrase: Phrase) -> Resolved:
         """A part of what receives something: known only if another part of its row is moved."""
-        self._role("receiver")
+        self._role("receiver", meaning)
         row = self._furniture.row if self._furniture else ()
         ranks = phrase.ranks or meaning.ranks
         if len(row) < 2:
@@ -148,7 +154,7 @@ class Resolver:
 
     def _whole(self, meaning: Meaning) -> frozenset[int]:
         """The piece of furniture, with what the robot moves on it."""
-        self._role("manipulated" if meaning.role == "manipulated" else "receiver")
+        self._role("manipulated" if meaning.role == "manipulated" else "receiver", meaning)
         piece = self._furniture
         if piece is None or not piece.moved:
             raise TargetError(
@@ -159,7 +165,7 @@ class Resolver:
 
     def _grip(self, meaning: Meaning) -> frozenset[int]:
         """What the gripper holds of the moved thing."""
-        self._role("manipulated")
+        self._role("manipulated", meaning)
         held = parts.gripped(self.scene, self.sampled) if self.sampled.cameras else frozenset()
         for thing in parts.moved_things(self.scene, self.sampled):
             if held & thing and not thing <= held:
@@ -170,7 +176,7 @@ class Resolver:
 
     def _source(self, meaning: Meaning) -> frozenset[int]:
         """What the moved thing stood on at first."""
-        self._role("manipulated")
+        self._role("manipulated", meaning)
         found = parts.stood_on(self.scene, self.sampled) if self.sampled.cameras else frozenset()
         bodies = [body for body in self.scene.bodies if body.instance_ids & found]
         if len(bodies) != 1:
@@ -212,7 +218,18 @@ def _numbers(found: Sequence[places.LocatedInstance]) -> str:
 def why(scene: Scene, role: str) -> str:
     """Why a role is not known."""
     if doubted := scene.beliefs.get(role):
-        return f"{role}: {'; '.join(doubted.reasons)}: confidence {doubted.confidence:.2f}, below {roles.BOUND}"
+        return f"the {role} is doubted: {_doubt(doubted)}"
+    cause = _unseen(scene, role)
+    absent = role in ("manipulated", "receiver") and bool(scene.bodies) and scene.episode.length > 1
+    return f"{cause}, so there is no {role}" if absent else cause
+
+
+def _doubt(belief: Belief) -> str:
+    return f"{'; '.join(belief.reasons)}: confidence {belief.confidence:.2f}, below {roles.BOUND}"
+
+
+def _unseen(scene: Scene, role: str) -> str:
+    """What of the recording shows nothing that plays a role."""
     if not scene.bodies:
         return "the episode has no depth or no instance masks, so no role is known"
     if scene.episode.length < 2:
@@ -220,7 +237,7 @@ def why(scene: Scene, role: str) -> str:
     if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
         views = scene.episode.views.values()
         unknown = next((v.proxy.unknown for v in views if v.proxy and v.proxy.unknown), None)
-        return unknown or f"nothing was seen to be moved by the robot, so there is no {role}"
+        return unknown or "nothing was seen to be moved by the robot"
     if role == "receiver":
-        return "what was moved touches nothing at the end, so there is no receiver"
+        return "what was moved touches nothing at the end"
     return f"nothing was seen to be the {role}"

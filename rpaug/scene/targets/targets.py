@@ -269,6 +269,11 @@ class _Finder:
             return found, False
         if reason and phrase.color is None:
             raise TargetError(f"{self._stated}: {reason}; {_there_is(self._rows, self._scene)}")
+        if meanings and phrase.color is None and not own and not self._look().cameras:
+            raise TargetError(
+                f"{self._stated}: the instruction names no {phrase.nouns[-1]}, and without depth no shape tells one; "
+                f"{_there_is(self._rows, self._scene)}"
+            )
         # What the instruction calls so is known, and has another color: no other thing is meant.
         other = self._named_only and any(one.scope for one in meanings) and not reason
         if meanings and (phrase.color is None or settled or other):
@@ -515,8 +520,8 @@ def _list(rows: Iterable[InstanceSummary]) -> str:
 
 def _there_is(rows: Sequence[InstanceSummary], scene: Scene) -> str:
     by_color = agreement.photographed(scene) and not scene.names
-    models = f"; {_BY_WORDS}" if by_color else ""
-    return f"there is: {_list(rows)}{models}" if rows else "there is no instance at all"
+    models = f"{BY_WORDS}; " if by_color else ""
+    return f"{models}there is: {_list(rows)}" if rows else "there is no instance at all"
 
 
-_BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"
+BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"

@@ -134,3 +134,19 @@ def test_what_needs_depth_is_left_out_where_there_are_other_edits() -> None:
     _, (first, second) = copies.draw(scene, asked, 1)
     assert "depth" in first.left_out
     assert second.edit is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "the block",
+            "'the block': the instruction tells the block by what the robot moves, and (?!.*no manipulated)",
+        ),
+        ("the bowl", "'the bowl': the instruction names no bowl, and without depth no shape tells"),
+    ],
+)
+def test_a_noun_that_nothing_tells_is_answered_in_its_own_words(text: str, message: str) -> None:
+    unmoved = build(episode(), with_bodies=True)
+    with pytest.raises(TargetError, match=message):
+        find(unmoved, Target(text=text))

@@ -52,6 +52,12 @@ def test_how_bright_a_surface_is_is_a_guess_where_lamps_are_refused(wandering: S
     assert not rig.unexplained(scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH))
 
 
+def test_real_recordings_without_cast_shadows_are_known_to_have_none(real: Scene) -> None:
+    """RLBench renders none: what is put in casts none either."""
+    assert rig.nothing_casts(real)
+    assert rig.find(real) is None
+
+
 def test_nothing_casts_where_things_move_and_no_shadow_goes_along(wandering: Scene) -> None:
     assert not rig.nothing_casts(wandering)  # a band of shadow goes along
     lit_alike = scene({"front": (1.6, 0.3, 1.0)}, length=LENGTH)

@@ -11,7 +11,7 @@ from tabletop import instance_id, scene
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError
 from rpaug.scene.placement import placing, policy_views, swept, zones
-from rpaug.scene.placement.free_space import CELL, FreeSpace
+from rpaug.scene.placement.free_space import CELL, EDGE, FreeSpace
 from rpaug.scene.sampled_frames import look
 
 SIDE = 40  # cells
@@ -45,6 +45,33 @@ def test_a_free_place_is_apart_from_all_else(room, radius, height, margin) -> No
         inner = middle - room.origin
         assert (inner > radius - CELL).all()
         assert (inner < SIDE * CELL - radius + CELL).all()
+
+
+@some.composite
+def outlines(draw) -> np.ndarray:
+    """A convex footprint around its middle, of whatever proportions and turn."""
+    turns = np.linspace(0, 2 * np.pi, draw(some.integers(4, 12)), endpoint=False)
+    corners = np.stack([np.cos(turns), np.sin(turns)], 1)
+    corners *= [draw(some.floats(0.02, 0.08)), draw(some.floats(0.01, 0.04))]
+    turn = draw(some.floats(0, np.pi))
+    return corners @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+@settings(max_examples=60, deadline=None)
+@given(rooms(), outlines())
+def test_a_footprint_keeps_away_from_where_the_support_ends(room, outline) -> None:
+    """Seen or not: cells beyond the grid are no support either."""
+    around = np.pad(room.seen, 8)
+    ends = room.at(np.argwhere(~around) - 8)
+    share = np.linspace(0, 1, 9)[:, None, None]
+    border = (outline * (1 - share) + np.roll(outline, -1, axis=0) * share).reshape(-1, 2)
+    bare = replace(
+        room, still=np.full_like(room.still, np.inf), swept=np.full_like(room.swept, np.inf)
+    )
+    for middle in room.at(np.argwhere(bare.spots(outline, 0.1)))[::5]:
+        away = np.linalg.norm(ends - (middle + border)[:, None], axis=-1).min()
+        # To the middle of a cell that is none; the last one that is may be the support by half.
+        assert away > EDGE + CELL
 
 
 @settings(max_examples=30, deadline=None)
