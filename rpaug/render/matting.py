@@ -56,9 +56,7 @@ def matte(
                     break  # those that follow are of the outline too
                 _explain(color, y, x, front[f], behind, backs, prior, found)
                 for b in range(backs):
-                    cost = found[0, b] + BLUR * (
-                        rim[front[f, 0], front[f, 1]] + rim[back[b, 0], back[b, 1]]
-                    )
+                    cost = found[0, b] + blur + BLUR * rim[back[b, 0], back[b, 1]]
                     if cost < least:
                         least = cost
                         share[y, x] = found[1, b]
