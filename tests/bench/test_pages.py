@@ -86,6 +86,8 @@ def test_a_missed_target_is_marked() -> None:
     assert "0123abc 2026-01-31; a laptop; seeds 0 to 9" in shown
     assert "2026-01-31; seeds 0" in replace(MADE_UP, machine="2 cores x86_64").markdown()
     assert "; 2 cores, busy; seeds 0" in replace(MADE_UP, machine="2 cores, busy").markdown()
+    assert "\n\nMeasured as above.\n" in MADE_UP.markdown(MADE_UP)
+    assert "0123abc" in MADE_UP.markdown(replace(MADE_UP, date="2026-01-30"))
     assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤15)"]
     assert pages.Topic("Cameras", "fair", [MADE_UP]).line("x").endswith(": fair; **1 missed**")
 

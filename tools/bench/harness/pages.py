@@ -60,17 +60,23 @@ class Table:
                 if isinstance(cell, Mapping) and not met(cell):
                     yield f"{cells[0]}, {column}: {plain(cell)} ({goal(cell)})"
 
-    def markdown(self) -> str:
-        """The table under its title, its origin below."""
+    def origin(self) -> str:
+        """What measured it, at which commit, when, where and on what."""
+        usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
+        machine = "" if usual else f"{self.machine}; "
+        return f"`{self.command}`; {self.commit} {self.date}; {machine}{self.seeds}"
+
+    def markdown(self, before: "Table | None" = None) -> str:
+        """The table under its title, its origin below, unless that of the table before it is the same."""
         rows = [
             self.columns,
             ["---"] * len(self.columns),
             *([shown(c) for c in r] for r in self.rows),
         ]
         body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
-        usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
-        machine = "" if usual else f"{self.machine}; "
-        origin = f"`{self.command}`; {self.commit} {self.date}; {machine}{self.seeds}"
+        origin = self.origin()
+        if before is not None and before.origin() == origin:
+            origin = "Measured as above."
         return f"**{self.title}**\n\n{body}\n\n{origin}\n"
 
 
@@ -172,8 +178,9 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
     for name, topic in topics.items():
         page = docs / "benchmarks" / f"{name}.md"
         out[page] = page.read_text()
-        for table in topic.tables:
-            out[page] = _marked(page, out[page], f"table: {table.id}", table.markdown())
+        tables = sorted(topic.tables, key=lambda table: out[page].find(f"<!-- table: {table.id} "))
+        for before, table in zip([None, *tables], tables, strict=False):
+            out[page] = _marked(page, out[page], f"table: {table.id}", table.markdown(before))
     return out
 
 
