@@ -60,6 +60,11 @@ class Table:
                 if isinstance(cell, Mapping) and not met(cell):
                     yield f"{cells[0]}, {column}: {plain(cell)} ({goal(cell)})"
 
+    def half(self) -> str:
+        """The half of the cases with which every row begins ("worked: ") where the title names it too."""
+        (begun, *others) = {str(row[0]).partition(": ")[0] for row in self.rows}
+        return "" if others or begun not in self.title else f"{begun}: "
+
     def origin(self) -> str:
         """What measured it, at which commit, when, where and on what."""
         usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
@@ -68,10 +73,11 @@ class Table:
 
     def markdown(self, before: "Table | None" = None) -> str:
         """The table under its title, its origin below, unless that of the table before it is the same."""
+        said = self.half()
         rows = [
             self.columns,
             ["---"] * len(self.columns),
-            *([shown(c) for c in r] for r in self.rows),
+            *([shown(c).removeprefix(said) for c in r] for r in self.rows),
         ]
         body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
         origin = self.origin()
