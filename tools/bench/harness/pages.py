@@ -65,14 +65,20 @@ class Table:
         (begun, *others) = {str(row[0]).partition(": ")[0] for row in self.rows}
         return "" if others or begun not in self.title else f"{begun}: "
 
-    def origin(self) -> str:
-        """What measured it, at which commit, when, where and on what."""
+    def run(self) -> str:
+        """What measured it, at which commit, when and where."""
         usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
-        machine = "" if usual else f"{self.machine}; "
-        return f"`{self.command}`; {self.commit} {self.date}; {machine}{self.seeds}"
+        machine = "" if usual else f"; {self.machine}"
+        return f"`{self.command}`; {self.commit} {self.date}{machine}"
+
+    def origin(self, before: "Table | None") -> str:
+        """Its run and seeds, or that they are those of the table before it."""
+        if before is None or before.run() != self.run():
+            return f"{self.run()}; {self.seeds}"
+        return "Measured as above" + ("." if before.seeds == self.seeds else f"; {self.seeds}")
 
     def markdown(self, before: "Table | None" = None) -> str:
-        """The table under its title, its origin below, unless that of the table before it is the same."""
+        """The table under its title, its origin below."""
         said = self.half()
         rows = [
             self.columns,
@@ -80,10 +86,7 @@ class Table:
             *([shown(c).removeprefix(said) for c in r] for r in self.rows),
         ]
         body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
-        origin = self.origin()
-        if before is not None and before.origin() == origin:
-            origin = "Measured as above."
-        return f"**{self.title}**\n\n{body}\n\n{origin}\n"
+        return f"**{self.title}**\n\n{body}\n\n{self.origin(before)}\n"
 
 
 @dataclass(frozen=True)
