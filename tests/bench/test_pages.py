@@ -86,6 +86,12 @@ def test_a_missed_target_is_marked() -> None:
     assert "0123abc 2026-01-31; a laptop; seeds 0 to 9" in shown
     assert "2026-01-31; seeds 0" in replace(MADE_UP, machine="2 cores x86_64").markdown()
     assert "; 2 cores, busy; seeds 0" in replace(MADE_UP, machine="2 cores, busy").markdown()
+    assert "\n\nMeasured as above.\n" in MADE_UP.markdown(MADE_UP)
+    assert "above; seeds 0 to 9\n" in MADE_UP.markdown(replace(MADE_UP, seeds="seed 1"))
+    assert "0123abc" in MADE_UP.markdown(replace(MADE_UP, date="2026-01-30"))
+    rows = [["held: a", 1, 2], ["held: b", 3, 4]]
+    assert "|held: a|1|2|" in replace(MADE_UP, rows=rows).markdown()
+    assert "|a|1|2|\n|b|3|4|" in replace(MADE_UP, rows=rows, title="Moved, held").markdown()
     assert list(MADE_UP.misses()) == ["surfels, ms: 19.5 (≤15)"]
     assert pages.Topic("Cameras", "fair", [MADE_UP]).line("x").endswith(": fair; **1 missed**")
 

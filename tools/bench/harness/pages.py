@@ -60,18 +60,33 @@ class Table:
                 if isinstance(cell, Mapping) and not met(cell):
                     yield f"{cells[0]}, {column}: {plain(cell)} ({goal(cell)})"
 
-    def markdown(self) -> str:
+    def half(self) -> str:
+        """The half of the cases with which every row begins ("worked: ") where the title names it too."""
+        (begun, *others) = {str(row[0]).partition(": ")[0] for row in self.rows}
+        return "" if others or begun not in self.title else f"{begun}: "
+
+    def run(self) -> str:
+        """What measured it, at which commit, when and where."""
+        usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
+        machine = "" if usual else f"; {self.machine}"
+        return f"`{self.command}`; {self.commit} {self.date}{machine}"
+
+    def origin(self, before: "Table | None") -> str:
+        """Its run and seeds, or that they are those of the table before it."""
+        if before is None or before.run() != self.run():
+            return f"{self.run()}; {self.seeds}"
+        return "Measured as above" + ("." if before.seeds == self.seeds else f"; {self.seeds}")
+
+    def markdown(self, before: "Table | None" = None) -> str:
         """The table under its title, its origin below."""
+        said = self.half()
         rows = [
             self.columns,
             ["---"] * len(self.columns),
-            *([shown(c) for c in r] for r in self.rows),
+            *([shown(c).removeprefix(said) for c in r] for r in self.rows),
         ]
         body = "\n".join(f"|{'|'.join(cells)}|" for cells in rows)
-        usual = self.machine.startswith(USUAL) and not self.machine.startswith(f"{USUAL},")
-        machine = "" if usual else f"{self.machine}; "
-        origin = f"`{self.command}`; {self.commit} {self.date}; {machine}{self.seeds}"
-        return f"**{self.title}**\n\n{body}\n\n{origin}\n"
+        return f"**{self.title}**\n\n{body}\n\n{self.origin(before)}\n"
 
 
 @dataclass(frozen=True)
@@ -172,8 +187,9 @@ def pages(docs: Path = DOCS) -> dict[Path, str]:
     for name, topic in topics.items():
         page = docs / "benchmarks" / f"{name}.md"
         out[page] = page.read_text()
-        for table in topic.tables:
-            out[page] = _marked(page, out[page], f"table: {table.id}", table.markdown())
+        tables = sorted(topic.tables, key=lambda table: out[page].find(f"<!-- table: {table.id} "))
+        for before, table in zip([None, *tables], tables, strict=False):
+            out[page] = _marked(page, out[page], f"table: {table.id}", table.markdown(before))
     return out
 
 
