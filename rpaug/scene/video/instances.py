@@ -6,6 +6,7 @@ several images are one thing is told by where they are.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import cv2
@@ -173,22 +174,21 @@ class InstanceMap:
         """Small things with the pixels at their outlines that have their color and not that of what they are named as:
         what is left of a removed thing would be painted on."""
         shown, out = color_clusters.weighted(look.rgb), named.copy()
+        color = cache(lambda one: np.median(shown[named == one], 0))
         for instance_id in np.unique(named[self._small(named)[named]]).tolist():
-            mine = named == instance_id
-            reach = max(2, round(REST * float(np.sqrt(mine.sum()))))
+            everywhere = named == instance_id
+            reach = max(2, round(REST * float(np.sqrt(everywhere.sum()))))
+            window = _window(everywhere, reach)
+            mine, names = everywhere[window], named[window]
             near = grown(mine, reach) & ~mine
-            off = np.linalg.norm(shown - np.median(shown[mine], 0), axis=-1)
+            off = np.linalg.norm(shown[window] - color(instance_id), axis=-1)
             loose = near & (off < APART)
-            for other in np.unique(named[loose]).tolist():
-                there = named == other
-                if (
-                    np.linalg.norm(np.median(shown[there], 0) - np.median(shown[mine], 0))
-                    < 2 * APART
-                ):
-                    loose &= ~there
+            for other in np.unique(names[loose]).tolist():
+                if np.linalg.norm(color(other) - color(instance_id)) < 2 * APART:
+                    loose &= names != other
             if loose.any():
                 _, parts = cv2.connectedComponents((loose | mine).astype(np.uint8))
-                out[loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
+                out[window][loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
         return out
 
     def _grown(self, named: np.ndarray) -> np.ndarray:
@@ -197,6 +197,16 @@ class InstanceMap:
         thing = self._small(named)[named]
         near = grown(thing, RIM)
         return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
+
+
+def _window(mask: Bool[np.ndarray, "h w"], around: int) -> tuple[slice, slice]:
+    """The rows and columns of what is marked, and so many more on each side."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    low = [max(0, int(one[0]) - around) for one in (rows, columns)]
+    return (
+        slice(low[0], int(rows[-1]) + around + 1),
+        slice(low[1], int(columns[-1]) + around + 1),
+    )
 
 
 def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:
