@@ -204,7 +204,7 @@ def found_instances(
     if files or models != Models():
         found = _found(episode, files, models, video, tuple(dict.fromkeys(words)))
     else:
-        found = _found_once(episode, video.model_dump_json() if video else "")
+        found = _found_once(episode, (video or VideoSettings()).model_dump_json())
     more = nouns.by_instruction(episode.descriptions, found.names, found.roles)
     return replace(
         found,
@@ -216,10 +216,8 @@ def found_instances(
 
 @memo.once
 def _found_once(episode: Episode, video: str) -> FoundInstances:
-    """The same without models and files; `video` are its settings in JSON, empty for the usual ones."""
-    return _found(
-        episode, (), Models(), VideoSettings.model_validate_json(video) if video else None, ()
-    )
+    """The same without models and files; `video` are its settings in JSON."""
+    return _found(episode, (), Models(), VideoSettings.model_validate_json(video), ())
 
 
 def _found(

@@ -1,7 +1,7 @@
 """A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -46,13 +46,19 @@ STATIC, REJECTED = "camera: static", "gates would reject"
 WIDTH = 118  # columns of a comment
 
 
-def text(episode: Episode, described: Mapping[str, Any]) -> str:
-    """The recipe as YAML with comments. `described` is what `inspect` says of the episode.
+def text(
+    episode: Episode,
+    described: Mapping[str, Any],
+    progress: Callable[[int], None] = lambda tried: None,
+) -> str:
+    """The recipe as YAML with comments. `described` is what `inspect` says of the episode; `progress` is called with
+    the number of edits that were tried.
 
     Raises RpaugError where nothing at all can be edited, with the reasons.
     """
     lines, usable, reasons = list[str](), 0, list[str]()
-    for words, entry in CANDIDATES:
+    for tried, (words, entry) in enumerate(CANDIDATES):
+        progress(tried)
         reason = _lacking(episode, entry)
         if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
             lines += _comment(f"other cameras stay: {reason}", "  # ")

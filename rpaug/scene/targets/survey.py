@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from rpaug.core import color_space, sampling
 from rpaug.core.memo import of_episode, once
+from rpaug.core.progress import told
 from rpaug.core.types import Body, Episode
 from rpaug.scene.sampled_frames import MOST_PIXELS, frames_to_look_at, look
 from rpaug.scene.targets.observed import surface
@@ -121,6 +122,8 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
         read = episode.views[name].ids
         assert read is not None
         for t in range(episode.length):
+            done = c * episode.length + t
+            told(episode.key, "measuring instances", done, episode.length * len(names))
             found, count = np.unique(read(t), return_counts=True)
             at = np.searchsorted(instance_ids, found)
             known = at < len(instance_ids)
