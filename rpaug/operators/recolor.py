@@ -179,7 +179,10 @@ class Recolor(Operator):
     ) -> list[float]:
         """The new color; in photographs what paint of it shows there."""
         red, green, blue = self.color.draw(rng, taken)
-        if self.color.exact or not agreement.photographed(scene):
+        photographed = (
+            agreement.photographed(scene) or scene.back is not None
+        )  # the latter: a video
+        if self.color.exact or not photographed:
             return [red, green, blue]
         return list(gamut.painted(scene.episode, (red, green, blue)))
 

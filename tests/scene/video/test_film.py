@@ -11,6 +11,7 @@ import walks
 from rpaug import BadInput, Unsupported
 from rpaug.compose import views
 from rpaug.core import geometry
+from rpaug.pipeline import recipe
 from rpaug.pipeline.inspect import inspect
 from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
 from rpaug.scene.video.lens import Lens
@@ -276,3 +277,11 @@ def test_plain_patches_lie_on_their_plane() -> None:
     laid, sure = sweep.flattened(patch, depth, trust)
     assert np.abs(laid / truth - 1).max() < 0.02
     assert (sure > 0).all()
+
+
+def test_paint_in_a_video_is_paint_in_its_light(made: VideoScene) -> None:
+    edit = {"op": "recolor", "target": {"handle": min(made.instances.support)}, "color": "blue"}
+    (step,) = recipe.build({"version": 1, "edits": [edit]}).steps
+    drawn = step.options[0].operator.sample(made.scene(), np.random.default_rng(0))["color"]
+    assert drawn[2] < 1
+    assert min(drawn[:2]) > 0
