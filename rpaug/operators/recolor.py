@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.core import color_space
+from rpaug.core import color_space, white
 from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.jit import kernel
@@ -175,7 +175,7 @@ class Recolor(Operator):
         return {"color": self._drawn(scene, rng, taken), **described}
 
     def _drawn(
-        self, scene: Scene, rng: np.random.Generator, taken: Sequence[gamut.Triple]
+        self, scene: Scene, rng: np.random.Generator, taken: Sequence[white.Triple]
     ) -> list[float]:
         """The new color; in photographs what paint of it shows there."""
         red, green, blue = self.color.draw(rng, taken)
