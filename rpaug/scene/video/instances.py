@@ -125,10 +125,11 @@ class InstanceMap:
             for one in sorted({*np.unique(named).tolist()} - {BACKGROUND, *self.support})
         ]
         for mask, known in parts:
-            own = np.zeros(held.shape, bool)
+            about = np.isin(patch, np.unique(patch[mask]))
+            there, own = shown[about], np.zeros(held.shape, bool)
             for color in (*known, np.median(shown[mask], 0)):  # exposure may have changed
-                own |= np.linalg.norm(shown - color, axis=-1) < APART
-                own |= color_clusters.shaded(shown, color)
+                own[about] |= np.linalg.norm(there - color, axis=-1) < APART
+                own[about] |= color_clusters.shaded(there, color)
             if known or own[mask].mean() > PLAIN:
                 foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
                 out[mask & foreign[patch]] = BACKGROUND
@@ -194,18 +195,20 @@ class InstanceMap:
             own = color(instance_id)
             if not small[instance_id]:
                 own = here.reshape(-1, 3)[nearest(_inside(mine))[0]]
-            off = np.linalg.norm(here - own, axis=-1)
-            loose = near & (
-                (off < APART) | color_clusters.shaded(here, np.broadcast_to(own, here.shape))
-            )
-            for other in np.unique(names[loose]).tolist():
-                theirs = np.linalg.norm(here - color(other), axis=-1)
-                foreign = (theirs > np.maximum(off, APART)) & ~color_clusters.shaded(
-                    here, np.broadcast_to(color(other), here.shape)
-                )
-                loose &= (names != other) | foreign
-                if np.linalg.norm(color(other) - color(instance_id)) < 2 * APART:
-                    loose &= names != other
+            rows = np.flatnonzero(near)
+            color_of, names_of = here.reshape(-1, 3)[rows], names.reshape(-1)[rows]
+            like = np.broadcast_to(own, here.shape).reshape(-1, 3)[rows]
+            off = np.linalg.norm(color_of - like, axis=-1)
+            taken = (off < APART) | color_clusters.shaded(color_of, like)
+            for other in np.unique(names_of[taken]).tolist():
+                theirs = np.flatnonzero(taken & (names_of == other))
+                apart = np.linalg.norm(color_of[theirs] - color(other), axis=-1)
+                foreign = apart > np.maximum(off[theirs], APART)
+                foreign &= ~color_clusters.shaded(color_of[theirs], color(other))
+                near_own = np.linalg.norm(color(other) - color(instance_id)) < 2 * APART
+                taken[theirs] = foreign & (not near_own)
+            loose = np.zeros(mine.shape, bool)
+            loose.reshape(-1)[rows[taken]] = True
             if loose.any():
                 _, parts = cv2.connectedComponents((loose | mine).astype(np.uint8))
                 out[window][loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
