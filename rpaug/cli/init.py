@@ -27,9 +27,13 @@ def init(
     from rpaug.scene.targets import settled
 
     found, keys = registry.read_among(dataset, episode)
-    with progress_bar("trying edits", as_json):
+    with progress_bar("trying edits", as_json) as progress:
+        edits = len(starter.CANDIDATES)
+        progress(0, edits + 1)
         described = inspection.inspect(found, roles=settled.read(dataset))[0]
-        made = starter.text(found, described, len(keys))
+        made = starter.text(
+            found, described, len(keys), lambda tried: progress(1 + tried, edits + 1)
+        )
     write_new(out, made.encode())
     if as_json:
         print_json({"recipe": str(out), "episode": found.key})

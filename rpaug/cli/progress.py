@@ -1,4 +1,4 @@
-"""How far a command is: a bar with stage, frames and time left in a terminal, a line a minute in a log."""
+"""How far a command is: a bar with stage, frames and time left in a terminal, a line now and then in a log."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,10 @@ from rpaug.cli.console import console, plain
 from rpaug.core import progress
 
 BAR = 16  # columns
-EVERY = 60.0  # seconds between two lines where there is no terminal
+SOON, EVERY = (
+    5.0,
+    60.0,
+)  # seconds between two lines where there is no terminal: at first, and at most
 Shown = Callable[["Position"], None]
 
 
@@ -22,6 +25,7 @@ class Position:
         self._copies: dict[str, int] = {}  # by episode under way
         self._first: tuple[float, float] | None = None  # when something was first reached, and what
         self._share: dict[str, float] = {}  # of the copy that is being made
+        self._stage = ("", 0.0, 0.0, 0.0)  # its name, when it began at which share, its share
 
     def count(self, done: int, total: int) -> None:
         """So many of all parts are done."""
@@ -35,6 +39,7 @@ class Position:
             self._copies.pop(key, None)
             self._share.pop(key, None)
             return
+        self._follow(f"{key}: {told['stage']}", share)
         if told["stage"] == progress.COPY:
             self._copies[key], self._share[key] = told["done"], 0.0
         else:
@@ -43,6 +48,12 @@ class Position:
         of = f", {told['done']} of {told['total']}" if told["total"] else ""
         self.stage = f"{PurePosixPath(key).name}: {told['stage']}{of}"
         self._reach()
+
+    def _follow(self, stage: str, share: float) -> None:
+        name, began, first, _ = self._stage
+        if stage != name:
+            began, first = self._clock(), share
+        self._stage = (stage, began, first, share)
 
     def _reach(self) -> None:
         under_way = sum(self._copies.values()) + sum(self._share.values())
@@ -57,7 +68,13 @@ class Position:
 
     @property
     def left(self) -> str:
-        """The time left in words, empty while too little tells it."""
+        """The time left in words, of the stage where parts are not counted; empty while too little tells it."""
+        if not self.total:
+            _, began, first, share = self._stage
+            made = share - first
+            return (
+                f"about {_span((self._clock() - began) * (1 - share) / made)} left" if made else ""
+            )
         if self._first is None or not 0.1 <= self.reached < self.total:
             return ""
         spent, made = self.seconds, self.reached
@@ -110,12 +127,12 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]
 
 @contextmanager
 def _lines() -> Iterator[Shown]:
-    last = time.monotonic()
+    last, wait = time.monotonic(), min(SOON, EVERY)
 
     def show(position: Position) -> None:
-        nonlocal last
-        if time.monotonic() - last >= EVERY:
-            last = time.monotonic()
+        nonlocal last, wait
+        if time.monotonic() - last >= wait:
+            last, wait = time.monotonic(), min(2 * wait, EVERY)
             console.print(plain(position.line()), highlight=False, soft_wrap=True)
 
     yield show

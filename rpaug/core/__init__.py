@@ -31,4 +31,5 @@ __all__ = [
     "validation",
     "version",
     "visible",
+    "white",
 ]

@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 from rpaug.core.types import Episode, Rig, Scene
 
 ANSWERS = 32  # kept of an episode
+PLAIN = (frozenset, Rig, str)  # the same where they are equal
 kept_scenes = (
     1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
 )
@@ -27,7 +28,8 @@ def keep(scenes: int) -> None:
 
 
 def once(find: Callable[..., Found]) -> Callable[..., Found]:
-    """Remember the last answer, for the very same arguments: objects, sets, lamps; tuples, episodes, scenes of such."""
+    """Remember the last answer, for the very same arguments: objects, sets, lamps, words; tuples, episodes, scenes
+    of such."""
     return _remembering(find, lambda: 1)
 
 
@@ -60,7 +62,7 @@ def _same(one: object, other: object) -> bool:
     for kind, values in OF_FIELDS.items():
         if isinstance(one, kind) and isinstance(other, kind):
             return all(map(_same, values(one), values(other)))
-    return isinstance(one, frozenset | Rig) and one == other
+    return isinstance(one, PLAIN) and one == other
 
 
 def bare(scene: Scene) -> Scene:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float32
 
-from rpaug.core import color_space
+from rpaug.core import color_space, white
 from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.jit import kernel
@@ -175,11 +175,14 @@ class Recolor(Operator):
         return {"color": self._drawn(scene, rng, taken), **described}
 
     def _drawn(
-        self, scene: Scene, rng: np.random.Generator, taken: Sequence[gamut.Triple]
+        self, scene: Scene, rng: np.random.Generator, taken: Sequence[white.Triple]
     ) -> list[float]:
         """The new color; in photographs what paint of it shows there."""
         red, green, blue = self.color.draw(rng, taken)
-        if self.color.exact or not agreement.photographed(scene):
+        photographed = (
+            agreement.photographed(scene) or scene.back is not None
+        )  # the latter: a video
+        if self.color.exact or not photographed:
             return [red, green, blue]
         return list(gamut.painted(scene.episode, (red, green, blue)))
 

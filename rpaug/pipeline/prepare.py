@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.core import progress, splits
+from rpaug.core import memo, progress, splits
 from rpaug.core.errors import Missing, RpaugError, SourceLacks, TargetError, Unsupported
 from rpaug.core.interfaces import Adapter, Operator
 from rpaug.core.types import Camera, Effect, Embeddings, Episode, Scene
@@ -106,8 +106,10 @@ def prepare_scene(
 
 def _embeddings(choice: str) -> Embeddings:
     """The recipe's choice: `refuse`, `drop`, or the name or folder of a sentence model."""
-    if choice in ("refuse", "drop"):
-        return Embeddings(drop=choice == "drop")
+    if choice == "refuse":
+        return Episode.embeddings
+    if choice == "drop":
+        return Embeddings(drop=True)
     return Embeddings(partial(words.embedded, folder=None if choice == words.SHIPPED else choice))
 
 
@@ -194,18 +196,15 @@ def found_instances(
 ) -> FoundInstances:
     """The episode's instances, a video of a moving camera tried first; `files` are those of arms.
 
-    Models are asked for `phrases`, and for what the instruction names where nobody recorded masks.
+    Models are asked for `phrases`, and for what the instruction names where nobody recorded masks. What hangs on no
+    file is found once for all edits that are tried.
     """
-    progress = told_of(episode.key)
-    tries = models.depth is None and not models.finds
-    finder = reconstruct.ByVideo(video, progress, models.poses) if tries else None
     masked = all(view.ids for view in episode.views.values())
     words = (*phrases, *(() if masked else nouns.things(episode.descriptions)))
-    known = by_models.AskedModels(
-        models, tuple(dict.fromkeys(words)), lambda share: progress(share, "asking models")
-    )
-    among = sources(partial(arms.for_robot, files, episode.robot), known, finder)
-    found = find(episode, among)
+    if files or models != Models():
+        found = _found(episode, files, models, video, tuple(dict.fromkeys(words)))
+    else:
+        found = _found_once(episode, (video or VideoSettings()).model_dump_json())
     more = nouns.by_instruction(episode.descriptions, found.names, found.roles)
     return replace(
         found,
@@ -213,6 +212,26 @@ def found_instances(
         roles={**found.roles, **roles.held(more)},
         told=(*found.told, *_better(episode, models)),
     )
+
+
+@memo.once
+def _found_once(episode: Episode, video: str) -> FoundInstances:
+    """The same without models and files; `video` are its settings in JSON."""
+    return _found(episode, (), Models(), VideoSettings.model_validate_json(video), ())
+
+
+def _found(
+    episode: Episode,
+    files: Sequence[Path],
+    models: Models,
+    video: VideoSettings | None,
+    words: tuple[str, ...],
+) -> FoundInstances:
+    progress = told_of(episode.key)
+    tries = models.depth is None and not models.finds
+    finder = reconstruct.ByVideo(video, progress, models.poses) if tries else None
+    known = by_models.AskedModels(models, words, lambda share: progress(share, "asking models"))
+    return find(episode, sources(partial(arms.for_robot, files, episode.robot), known, finder))
 
 
 def phrases(recipe: Recipe) -> list[str]:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -49,14 +49,21 @@ SHADES = frozenset({"black", "gray", "silver", "white"})  # of them walls and sh
 WIDTH = 118  # columns of a comment
 
 
-def text(episode: Episode, described: Mapping[str, Any], episodes: int = 1) -> str:
-    """The recipe as YAML with comments. `described` is what `inspect` says of the episode, one of so many.
+def text(
+    episode: Episode,
+    described: Mapping[str, Any],
+    episodes: int = 1,
+    progress: Callable[[int], None] = lambda tried: None,
+) -> str:
+    """The recipe as YAML with comments. `described` is what `inspect` says of the episode, one of so many; `progress`
+    is called with the number of edits that were tried.
 
     Raises RpaugError where nothing at all can be edited, with the reasons.
     """
     lines, usable, reasons = list[str](), 0, list[str]()
     lasting = inputs.handles_hold(episode, episodes)
-    for words, entry in CANDIDATES:
+    for tried, (words, entry) in enumerate(CANDIDATES):
+        progress(tried)
         reason = _lacking(episode, entry)
         if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
             lines += _comment(f"other cameras stay: {reason}", "  # ")

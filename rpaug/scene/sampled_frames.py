@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int, Int32
 
 from rpaug.core import memo
 from rpaug.core.jit import inlined, kernel
+from rpaug.core.progress import told
 from rpaug.core.types import Episode
 
 MOST_FRAMES = 32  # looked at per episode, beside the frames where the gripper opens or closes
@@ -102,8 +103,10 @@ def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> SampledFrames:
         ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(t)[::step, ::step]
         lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
 
+    images = np.indices(shape[:2]).reshape(2, -1).tolist()
     with ThreadPoolExecutor(THREADS) as pool:  # decoding and lifting release the interpreter
-        list(pool.map(fill, *np.indices(shape[:2]).reshape(2, -1).tolist()))
+        for done, _ in enumerate(pool.map(fill, *images)):
+            told(episode.key, "looking at frames", done + 1, len(images[0]))
     fixed = np.array([camera.fixed for camera in cameras], bool)
     return SampledFrames(chosen, names, fixed, K, poses, depth, ids, points, normals)
 

@@ -75,6 +75,17 @@ def test_a_redrawn_copy_does_not_go_back_and_time_left_follows() -> None:
     assert position.counted == "2 of 4"
 
 
+def test_time_left_is_that_of_the_stage_where_parts_are_not_counted() -> None:
+    now = [0.0]
+    position = shown.Position("looking", lambda: now[0])
+    for seconds, done in ((0.0, 40), (10.0, 60)):
+        now[0] = seconds
+        position.hear({"key": "a", "stage": "depth", "done": done, "total": 100})
+    assert position.left == "about 20 s left"
+    position.hear({"key": "a", "stage": "measuring", "done": 0, "total": 0})
+    assert position.left == ""
+
+
 def test_nobody_hears_what_is_told_afterwards() -> None:
     heard: list[progress.Told] = []
     with progress.heard(heard.append):

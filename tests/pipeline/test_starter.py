@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import rpaug
 from rpaug.cli import app
 from rpaug.core.errors import RpaugError
-from rpaug.pipeline import inspect, recipe, starter
+from rpaug.pipeline import inspect, prepare, recipe, starter
 
 
 def test_the_sample_has_something_for_every_edit(tmp_path: Path) -> None:
@@ -46,6 +46,18 @@ def test_what_an_episode_lacks_stands_there_as_a_comment_with_why() -> None:
     assert "camera_pose" not in names
     assert "# not here: cameras bumped" in made
     assert max(map(len, made.splitlines())) <= 120
+
+
+def test_instances_are_found_once_for_all_edits_that_are_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rgb = np.full((3, 24, 32, 3), 90, np.uint8)
+    rgb[:, 8:16, 8:16] = (200, 30, 30)
+    episode = rpaug.Episode.from_arrays(rgb)
+    looked, find = [], prepare.find
+    monkeypatch.setattr(prepare, "find", lambda *given: looked.append(0) or find(*given))
+    starter.text(episode, inspect.inspect(episode)[0])
+    assert len(looked) == 1
 
 
 def test_where_nothing_can_be_edited_the_reasons_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int
 
-from rpaug.core import memo, sampling
+from rpaug.core import memo, sampling, white
 from rpaug.core.errors import SourceLacks
 from rpaug.core.types import Episode
 from rpaug.scene.recorded import surface
 
 LAMP = 0.5  # COLOSSEUM's scenes: each lamp's diffuse color is (0.5, 0.5, 0.5) before it is varied
-GREY = 0.12  # saturation up to which a surface may be taken for grey under colored light
-LEAST_SHARE = 0.02
 BRIGHTEST = 0.995  # quantile of an image's brightest channel: more is highlights
 
 DIRECTIONS = 300
@@ -21,25 +19,12 @@ PIXELS = 500  # of one image
 WELL_LIT = 0.98  # quantile of a thing's pixels
 
 
-@memo.last
-def estimate(episode: Episode, count: int = 3) -> Float64[np.ndarray, "3"]:
+def estimate(episode: Episode) -> Float64[np.ndarray, "3"]:
     """The lamps' color, in COLOSSEUM's unit where white recorded light is (0.5, 0.5, 0.5).
 
-    The median chromaticity of near-grey pixels of middling brightness; robots and walls mostly are. White where
-    too few of them are seen. Only the chromaticity is measured: a brightness cannot be told from albedos.
+    Only the chromaticity is measured: a brightness cannot be told from albedos.
     """
-    chroma, total = [], 0
-    for _, _, rgb, _ in sampling.images(episode, count):
-        color = rgb.reshape(-1, 3)[::3] / 255.0
-        high, low = color.max(1), color.min(1)
-        grey = (high > 0.2) & (high < 0.97) & (high - low < GREY * high)
-        chroma.append(color[grey] / color[grey].mean(1, keepdims=True))
-        total += len(color)
-    grey_pixels = np.concatenate(chroma)
-    if len(grey_pixels) < LEAST_SHARE * total:
-        return np.full(3, LAMP)
-    middle = np.median(grey_pixels, 0)
-    return LAMP * middle / middle.mean()
+    return LAMP * white.hue(episode)
 
 
 @memo.last

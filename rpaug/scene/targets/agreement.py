@@ -4,10 +4,11 @@ Such an instance is a patch of one color in each camera. It may be part of what 
 may show the same thing as something else: then an edit would change the half of it.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from itertools import permutations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rpaug.core import color_space
 from rpaug.core.types import CameraView, Scene
@@ -43,34 +44,82 @@ def apart(scene: Scene) -> frozenset[int]:
 
 
 def dispute(scene: Scene, instance_ids: Collection[int], *, outlined: bool = False) -> str:
-    """Why a photographed thing cannot be edited in all cameras alike; empty if nothing speaks against it.
+    """Why a photographed thing that words or a role tell cannot be edited in all cameras alike; empty if nothing speaks
+    against it.
 
     What models `outlined` is whole where an image's edge cuts it off, and in no camera part of table, background or
     another thing that they outlined; but they may have missed it among what is told by color.
     """
     known = apart(scene).union(*scene.names.values()) if outlined else frozenset[int]()
-    views = {
-        name: view
-        for name, view in scene.episode.views.items()
-        if view.ids is not None and view.proxy is not None and not view.proxy.blank
-    }
-    masks = {name: np.isin(_first(view), list(instance_ids)) for name, view in views.items()}
-    for name, mask in masks.items():
+    for name, mask in _masks(scene, instance_ids).items():
         rim = int(mask[[0, -1]].sum() + mask[:, [0, -1]].sum())
         if mask.sum() >= FEWEST and rim >= 2 and not outlined:
             return f"the edge of {name} cuts it off: it may be part of something larger"
+    return split(scene, instance_ids, known)
+
+
+def split(scene: Scene, instance_ids: Collection[int], known: Collection[int] = frozenset()) -> str:
+    """Why a photographed instance is not known to be the same thing in all cameras that show it; empty if nothing
+    speaks against it. `known` are instances that it is no part of."""
+    masks = _masks(scene, instance_ids)
     seen = {name: mask for name, mask in masks.items() if mask.sum() >= FEWEST}
     if not seen:
         return ""
+    views = scene.episode.views
     colors = np.concatenate([views[name].rgb(0)[mask] for name, mask in seen.items()])
     middle = _lab(np.median(colors, 0))
-    for name, view in views.items():
-        near = np.linalg.norm(_lab(view.rgb(0)) - middle, axis=-1) < SAME
-        there = _first(view)
+    for name in masks.keys() - seen.keys():
+        near = np.linalg.norm(_lab(views[name].rgb(0)) - middle, axis=-1) < SAME
+        there = _first(views[name])
         other = near & ~masks[name] & (there > 0) & ~np.isin(there, list(known))
-        if name not in seen and other.sum() >= FEWEST:
+        if other.sum() >= FEWEST:
             return f"{name} shows its color, and not it: there it may be part of something else"
+    alone = len(instance_ids) == 1 and not scene.roles.get("manipulated", frozenset()) & {
+        *instance_ids
+    }
+    return _rival(scene, seen, apart(scene).union(instance_ids, known)) if alone else ""
+
+
+def _rival(
+    scene: Scene, seen: Mapping[str, Bool[np.ndarray, "h w"]], known: Collection[int]
+) -> str:
+    """Why another instance of one camera may as well be what another camera shows of it: a patch of one color is told
+    from camera to camera by color and size alone."""
+    for name, other in permutations(seen, 2):
+        own = _look(scene.episode.views[name], seen[name])
+        view = scene.episode.views[other]
+        gap, there = _gap(own, _look(view, seen[other])), _first(view)
+        for instance_id, count in zip(*np.unique(there, return_counts=True), strict=True):
+            if count < FEWEST or instance_id in known or instance_id <= 0:
+                continue
+            look = _look(view, there == instance_id)
+            if np.linalg.norm(look[0] - own[0]) < SAME and _gap(own, look) <= gap:
+                return (
+                    f"instance {instance_id} of {other} is as much like what {name} shows of it: color and size do "
+                    "not tell which of them it is"
+                )
     return ""
+
+
+def _look(view: CameraView, mask: Bool[np.ndarray, "h w"]) -> tuple[Float[np.ndarray, "3"], float]:
+    """The middle color of a patch, and its share of the image."""
+    return _lab(np.median(view.rgb(0)[mask], 0)), float(mask.mean())
+
+
+def _gap(
+    one: tuple[Float[np.ndarray, "3"], float], other: tuple[Float[np.ndarray, "3"], float]
+) -> float:
+    """How unlike two patches are, in color and size."""
+    return float(np.linalg.norm(one[0] - other[0]) + abs(np.log(one[1] / other[1])))
+
+
+def _masks(scene: Scene, instance_ids: Collection[int]) -> dict[str, Bool[np.ndarray, "h w"]]:
+    """Where the cameras whose instances were told by color show some of them at first."""
+    return {
+        name: np.isin(_first(view), list(instance_ids))
+        for name, view in scene.episode.views.items()
+        if view.ids is not None and view.proxy is not None and not view.proxy.blank
+    }
 
 
 def _first(view: CameraView) -> np.ndarray:

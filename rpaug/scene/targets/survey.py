@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from rpaug.core import color_space, sampling
+from rpaug.core import color_space, sampling, white
 from rpaug.core.memo import of_episode, once
+from rpaug.core.progress import told
 from rpaug.core.types import Body, Episode
 from rpaug.scene.sampled_frames import MOST_PIXELS, frames_to_look_at, look
 from rpaug.scene.targets.observed import surface
@@ -77,7 +78,7 @@ def survey(
                 instance_id,
                 role_of.get(instance_id, ""),
                 tint,
-                color_space.nearest(np.array(tint)),
+                _name(episode, tint),
                 size_cm(surface(sampled, instance_id, body)[0]),
                 body.motion,
                 body.ambiguous,
@@ -95,7 +96,14 @@ def survey(
 def color_names(episode: Episode, instance_ids: Iterable[int]) -> dict[int, str]:
     """The word for the recorded color of each of these instances that an image shows."""
     found = _colors(episode, tuple(sorted(instance_ids)))
-    return {one: color_space.nearest(np.array(tint)) for one, tint in found.items()}
+    return {one: _name(episode, tint) for one, tint in found.items()}
+
+
+def _name(episode: Episode, tint: Rgb) -> str:
+    """The word for a recorded color; in photographs, which masks are not recorded of, in their own light."""
+    if any(view.inferred for view in episode.views.values()):
+        tint = white.in_white_light(episode, tint)
+    return color_space.nearest(np.array(tint))
 
 
 def size_cm(points: Float64[np.ndarray, "n 3"]) -> tuple[float, float, float]:
@@ -121,6 +129,8 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
         read = episode.views[name].ids
         assert read is not None
         for t in range(episode.length):
+            done = c * episode.length + t
+            told(episode.key, "measuring instances", done, episode.length * len(names))
             found, count = np.unique(read(t), return_counts=True)
             at = np.searchsorted(instance_ids, found)
             known = at < len(instance_ids)

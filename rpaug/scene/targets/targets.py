@@ -128,6 +128,13 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
             raise TargetError(
                 f"{target}: no such instance {_numbers(wanted - scene.instance_ids)}; {_there_is(_rows(scene), scene)}"
             )
+        if agreement.photographed(scene) and not wanted & agreement.apart(scene):
+            named = frozenset[int]().union(*scene.names.values())
+            known = named | agreement.apart(scene) if named >= wanted else frozenset[int]()
+            if reason := agreement.split(scene, wanted, known):
+                raise TargetError(
+                    f"{target}: {reason}; `views` of cameras.yaml names the cameras to edit"
+                )
         return wanted
     if target.role is not None:
         if target.role not in scene.roles:

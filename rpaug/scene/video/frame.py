@@ -1,5 +1,7 @@
 """One frame of a video with its pose, and its segments: parts of even color, cut where colors change."""
 
+import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +17,34 @@ BLUR = 0.6  # pixels
 TINT, LIGHT = 1.6, 0.6  # of chroma and lightness: shade divides a thing less than another color
 
 
+def segments(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
+    """Segments by minimum spanning forests (Felzenszwalb and Huttenlocher 2004) in CIELAB, numbered from 0."""
+    lab = cv2.cvtColor(cv2.bilateralFilter(rgb, 5, 25, 5), cv2.COLOR_RGB2LAB).astype(np.float32)
+    weighed = np.stack(
+        [LIGHT * lab[..., 0], *(128 + TINT * (lab[..., k] - 128) for k in (1, 2))], -1
+    )
+    least = max(2, round(LEAST * rgb.shape[0] * rgb.shape[1]))
+    made = cv2.ximgproc.segmentation.createGraphSegmentation(BLUR, SCALE, least)
+    found = made.processImage(np.clip(np.rint(weighed), 0, 255).astype(np.uint8))
+    return np.asarray(found, np.int32)
+
+
+class SegmentedFrames:
+    """Segments of a video's frames at the size of `PosedFrame`, found once for all who ask, and held packed."""
+
+    def __init__(self) -> None:
+        self._packed: dict[int, bytes] = {}
+
+    def of(self, t: int, rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
+        """The segments of the recorded frame `t`, which shows `rgb`."""
+        if t not in self._packed:
+            found = segments(rgb)
+            self._packed[t] = zlib.compress(found.tobytes(), 1)
+            return found
+        held = np.frombuffer(zlib.decompress(self._packed[t]), np.int32)
+        return held.reshape(rgb.shape[:2])
+
+
 @dataclass(frozen=True, eq=False)
 class PosedFrame:
     """One frame: its image made small, depth, lens and pose, in a world whose z is up."""
@@ -26,11 +56,12 @@ class PosedFrame:
     hidden: Bool[np.ndarray, "h w"] | None = (
         None  # what moves by itself, and is no thing of the world
     )
+    segmented: Callable[[UInt8[np.ndarray, "h w 3"]], Int32[np.ndarray, "h w"]] = segments
 
     @cached_property
     def segments(self) -> Int32[np.ndarray, "h w"]:
         """Its segments, numbered from 0."""
-        return segments(self.rgb)
+        return self.segmented(self.rgb)
 
     @cached_property
     def points(self) -> Float64[np.ndarray, "h w 3"]:
@@ -52,15 +83,3 @@ class PosedFrame:
         inside &= (row < height - 0.5) & (column < width - 0.5)
         whole = [np.where(inside, np.rint(np.where(inside, v, 0)), -1) for v in (row, column)]
         return whole[0].astype(np.int64), whole[1].astype(np.int64), z
-
-
-def segments(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
-    """Segments by minimum spanning forests (Felzenszwalb and Huttenlocher 2004) in CIELAB, numbered from 0."""
-    lab = cv2.cvtColor(cv2.bilateralFilter(rgb, 5, 25, 5), cv2.COLOR_RGB2LAB).astype(np.float32)
-    weighed = np.stack(
-        [LIGHT * lab[..., 0], *(128 + TINT * (lab[..., k] - 128) for k in (1, 2))], -1
-    )
-    least = max(2, round(LEAST * rgb.shape[0] * rgb.shape[1]))
-    made = cv2.ximgproc.segmentation.createGraphSegmentation(BLUR, SCALE, least)
-    found = made.processImage(np.clip(np.rint(weighed), 0, 255).astype(np.uint8))
-    return np.asarray(found, np.int32)

@@ -6,6 +6,7 @@ several images are one thing is told by where they are.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import cv2
@@ -13,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, Int64
 
 from rpaug.core import geometry
-from rpaug.core.pixels import filled, grown
+from rpaug.core.pixels import filled, grown, nearest
 from rpaug.scene.instances import color_clusters, grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
 
@@ -36,9 +37,11 @@ BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no par
 APART = 9.0  # weighted Lab: what lies in that plane and differs by more is something else
 REST = 0.3  # of a thing's size: so far from it are pixels of its color its own
 FOREIGN = 0.3  # of a segment has the support's color, or it is none of it
+PLAIN = 0.8  # of an instance has its middle color, if it has one color
 ALIKE = 0.5  # of a segment has the support's color, if it is a part of it
 OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
 FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
+BETWEEN = np.ones((5, 5), np.uint8)  # pixels of a segment's middle show nothing else so near
 SOME = 3  # pixels of a group in a cell that count
 LAYERS = 4  # groups in a cell that are compared
 REACH = 2**20  # cells
@@ -76,7 +79,8 @@ class InstanceMap:
     ) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels, from what its segments are `named` and those of the frames `beside` it."""
         told = self._cleared(look, self._told(look, named, beside))
-        return self._grown(self._joined(look, self._ended(look, told))).astype(np.int32)
+        joined = self._joined(look, self._ended(look, told))
+        return self._grown(self._ended_large(look, joined)).astype(np.int32)
 
     def _told(
         self,
@@ -110,19 +114,26 @@ class InstanceMap:
     def _cleared(
         self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
     ) -> Int32[np.ndarray, "h w"]:
-        """The same without segments of the support that have little of its color, be it that of this frame: what was
-        put there, or is carried past, fills the support's cells too."""
-        held = np.isin(named, list(self.support))
-        if self.color is None or not held.any():
-            return named
+        """The same without segments of the support, or of another instance of one color, that have little of its color,
+        be it that of this frame: what was put there, is carried past or stands before it fills its cells too."""
         patch, shown = look.segments, color_clusters.weighted(look.rgb)
-        own = np.zeros(held.shape, bool)
-        for color in (self.color, np.median(shown[held], 0)):  # exposure may have changed
-            own |= np.linalg.norm(shown - color, axis=-1) < APART
-            own |= color_clusters.shaded(shown, color)
-        count = np.bincount(patch.ravel())
-        foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
-        return np.where(held & foreign[patch], BACKGROUND, named).astype(np.int32)
+        count, out = np.bincount(patch.ravel()), named.copy()
+        held = np.isin(named, list(self.support))
+        parts = [(held, [self.color])] if self.color is not None and held.any() else []
+        parts += [
+            (named == one, [])
+            for one in sorted({*np.unique(named).tolist()} - {BACKGROUND, *self.support})
+        ]
+        for mask, known in parts:
+            about = np.isin(patch, np.unique(patch[mask]))
+            there, own = shown[about], np.zeros(held.shape, bool)
+            for color in (*known, np.median(shown[mask], 0)):  # exposure may have changed
+                own[about] |= np.linalg.norm(there - color, axis=-1) < APART
+                own[about] |= color_clusters.shaded(there, color)
+            if known or own[mask].mean() > PLAIN:
+                foreign = np.bincount(patch.ravel(), own.ravel()) < FOREIGN * count
+                out[mask & foreign[patch]] = BACKGROUND
+        return out
 
     def rough(self, look: PosedFrame) -> np.ndarray:
         """What a frame's segments are by the cells that they fill."""
@@ -170,25 +181,59 @@ class InstanceMap:
         return np.where(given, rest, np.where(cut >= first, cut - first, named))
 
     def _joined(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
-        """Small things with the pixels at their outlines that have their color and not that of what they are named as:
-        what is left of a removed thing would be painted on."""
+        """Instances with the pixels around them that have their color there, more or less lit, and not that of what
+        they are named as: segments of a shaded surface end anywhere, and what is left of it would keep its color."""
         shown, out = color_clusters.weighted(look.rgb), named.copy()
-        for instance_id in np.unique(named[self._small(named)[named]]).tolist():
-            mine = named == instance_id
-            reach = max(2, round(REST * float(np.sqrt(mine.sum()))))
+        color = cache(lambda one: np.median(shown[named == one], 0))
+        small = self._small(named)
+        for instance_id in sorted({*np.unique(named).tolist()} - {BACKGROUND}):
+            everywhere = named == instance_id
+            reach = max(2, round(REST * float(np.sqrt(everywhere.sum()))))
+            window = _window(everywhere, reach)
+            mine, names, here = everywhere[window], named[window], shown[window]
             near = grown(mine, reach) & ~mine
-            off = np.linalg.norm(shown - np.median(shown[mine], 0), axis=-1)
-            loose = near & (off < APART)
-            for other in np.unique(named[loose]).tolist():
-                there = named == other
-                if (
-                    np.linalg.norm(np.median(shown[there], 0) - np.median(shown[mine], 0))
-                    < 2 * APART
-                ):
-                    loose &= ~there
+            own = color(instance_id)
+            if not small[instance_id]:
+                own = here.reshape(-1, 3)[nearest(_inside(mine))[0]]
+            rows = np.flatnonzero(near)
+            color_of, names_of = here.reshape(-1, 3)[rows], names.reshape(-1)[rows]
+            like = np.broadcast_to(own, here.shape).reshape(-1, 3)[rows]
+            off = np.linalg.norm(color_of - like, axis=-1)
+            taken = (off < APART) | color_clusters.shaded(color_of, like)
+            for other in np.unique(names_of[taken]).tolist():
+                theirs = np.flatnonzero(taken & (names_of == other))
+                apart = np.linalg.norm(color_of[theirs] - color(other), axis=-1)
+                foreign = apart > np.maximum(off[theirs], APART)
+                foreign &= ~color_clusters.shaded(color_of[theirs], color(other))
+                near_own = np.linalg.norm(color(other) - color(instance_id)) < 2 * APART
+                taken[theirs] = foreign & (not near_own)
+            loose = np.zeros(mine.shape, bool)
+            loose.reshape(-1)[rows[taken]] = True
             if loose.any():
                 _, parts = cv2.connectedComponents((loose | mine).astype(np.uint8))
-                out[loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
+                out[window][loose & np.isin(parts, np.unique(parts[mine]))] = instance_id
+        return out
+
+    def _ended_large(self, look: PosedFrame, named: np.ndarray) -> np.ndarray:
+        """Large instances with what lies between them and the middle of what is around, a blurred outline or a sliver,
+        where it is more like them."""
+        shown, out, small = color_clusters.weighted(look.rgb), named.copy(), self._small(named)
+        middle = cv2.erode(named.astype(np.float32), BETWEEN) == cv2.dilate(
+            named.astype(np.float32), BETWEEN
+        )
+        for instance_id in np.flatnonzero(np.bincount(named[middle & ~small[named]])).tolist():
+            if instance_id in (BACKGROUND, *self.support):
+                continue
+            window = _window(named == instance_id, len(BETWEEN))
+            mine, inner, here = named[window] == instance_id, middle[window], shown[window]
+            free = grown(mine, len(BETWEEN) - 1) & ~mine & ~inner & ~small[named[window]]
+            if not free.any() or not (inner & ~mine).any():
+                continue
+            colors = [here.reshape(-1, 3)[nearest(inner & one)[0][free]] for one in (mine, ~mine)]
+            own, theirs = (np.linalg.norm(here[free] - color, axis=-1) for color in colors)
+            rows, columns = np.nonzero(free)
+            taken = own < theirs
+            out[window][rows[taken], columns[taken]] = instance_id
         return out
 
     def _grown(self, named: np.ndarray) -> np.ndarray:
@@ -197,6 +242,22 @@ class InstanceMap:
         thing = self._small(named)[named]
         near = grown(thing, RIM)
         return np.where(near & around, _spread(named, ~thing), named) if thing.any() else named
+
+
+def _inside(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """What is marked without its rim, whose colors are mixed; all of it where nothing is left."""
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return inner if inner.any() else mask
+
+
+def _window(mask: Bool[np.ndarray, "h w"], around: int) -> tuple[slice, slice]:
+    """The rows and columns of what is marked, and so many more on each side."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    low = [max(0, int(one[0]) - around) for one in (rows, columns)]
+    return (
+        slice(low[0], int(rows[-1]) + around + 1),
+        slice(low[1], int(columns[-1]) + around + 1),
+    )
 
 
 def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int32, UInt8
@@ -20,6 +21,13 @@ WIDEST, LONGEST = 0.3, 3.0  # focal lengths over image widths: 118 and 19 degree
 BENT = 0.5  # of the radial term: no lens of a worn camera bends more
 LEAST_ANGLE = 1.0  # degrees between the two outermost rays to the median point
 FEWEST_POINTS = 100
+DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    BadZipFile,
+)  # what reading a damaged file raises
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +143,7 @@ def load(path: Path) -> Reconstruction | None:
                 float(held["radial"]), int(held["width"]), int(held["height"]), held["points"],
                 held["colors"], held["seen"], json.loads(str(held["facts"])),
             )  # fmt: skip
-    except (OSError, ValueError, KeyError, EOFError):
+    except DAMAGED:
         return None
 
 

@@ -1,6 +1,5 @@
 """From a video to a film: its camera found, depth swept, what moves and what there is told, lengths made metres."""
 
-import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,15 +14,16 @@ from jaxtyping import Bool, Float32, UInt8
 from rpaug.core import geometry
 from rpaug.core.cache import place, trim
 from rpaug.core.errors import BadInput, Unsupported
-from rpaug.core.files import write_atomic
 from rpaug.core.types import Camera, CameraView, Episode
 from rpaug.providers import poses
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.video import colmap, instances, moving, posed, sweep, world
+from rpaug.scene.video import colmap, instances, kept, moving, posed, sweep, world
 from rpaug.scene.video.colmap import ColmapSettings
-from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.frame import PosedFrame, SegmentedFrames
+from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
-from rpaug.scene.video.model import FEWEST_FRAMES, Reconstruction, fingerprint, load, save
+from rpaug.scene.video.model import DAMAGED, FEWEST_FRAMES, Reconstruction, fingerprint, load, save
 from rpaug.scene.video.settings import KnownLength, VideoSettings
 from rpaug.scene.video.video_scene import VideoScene, look_at
 
@@ -42,6 +42,7 @@ LOOKS_KEPT = 12  # frames: those that are compared with one another
 RELATIVE = (
     f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
 )
+NO_INSTANCES = InstanceMap(1.0, np.zeros(0, np.int64), np.zeros(0, np.int32), 0)
 BOXES_APART = 45  # frames between two annotated ones, at most, for boxes to be drawn between them
 
 
@@ -94,61 +95,73 @@ def develop(
     bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
     depths = _swept(shots, bounds, where / f"depth-{mapped}.npz", tell)
 
+    segmented = SegmentedFrames()
+
     @lru_cache(LOOKS_KEPT)
     def look(k: int) -> PosedFrame:
-        return look_at(image(k), lens.K, model.cam_to_world[k], depths[k])
+        own = partial(segmented.of, int(model.times[k]))
+        return look_at(image(k), lens.K, model.cam_to_world[k], depths[k], own)
 
     given = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
     moved = _moved(look, [span for span, _ in bounds], where / f"moving-{given}.npz", tell)
     if cache is None:
         trim(keep=[where])
-    held = [k for k in range(len(shots)) if k not in moved.contradicted]
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
+    masks = list(moved.masks)
     if contradicted:
-        model = model.some(held)
-        if faults := model.faults(episode.length):
-            raise Unsupported(
-                f"structure from motion is degenerate ({len(contradicted)} frames do not move as it says; "
-                f"{', '.join(faults)})"
-            )
-        depths, masks = [depths[k] for k in held], [moved.masks[k] for k in held]
+        held = [k for k in range(len(shots)) if k not in moved.contradicted]
+        model = _without(model, held, episode.length)
+        depths, masks = [depths[k] for k in held], [masks[k] for k in held]
         look.cache_clear()
-    else:
-        masks = list(moved.masks)
     for k, mask in enumerate(masks) if view.hands else ():
         masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
 
-    video = _standing(episode, model, lens, depths, masks, image, contradicted, asked.fit_width)
-    return scaled(video, asked)
+    video = VideoScene(
+        episode, model, tuple(depths), NO_INSTANCES, RELATIVE, tuple(masks), contradicted,
+        asked.fit_width, segmented,
+    )  # fmt: skip
+    return scaled(_standing(_with_kept(video, where, asked)), asked)
 
 
-def _standing(
-    episode: Episode,
-    model: Reconstruction,
-    lens: Lens,
-    depths: list[Float32[np.ndarray, "h w"]],
-    masks: list[Bool[np.ndarray, "h w"]],
-    image: Callable[[int], UInt8[np.ndarray, "h w 3"]],
-    contradicted: tuple[int, ...],
-    fit_width: int,
-) -> VideoScene:
-    """The video as a scene whose z is up, with the instances of its still world, in its depth's own unit."""
-    factor = world.unit(depths)
-    model = model.moved(np.eye(4), factor)
-    depths = [np.asarray(factor * depth, np.float32) for depth in depths]
+def _without(model: Reconstruction, held: list[int], length: int) -> Reconstruction:
+    """The model of the frames `held` alone. Raises Unsupported if those are too few to be believed."""
+    some = model.some(held)
+    if faults := some.faults(length):
+        contradicted = len(model.times) - len(held)
+        raise Unsupported(
+            f"structure from motion is degenerate ({contradicted} frames do not move as it says; {', '.join(faults)})"
+        )
+    return some
+
+
+def _with_kept(video: VideoScene, where: Path, asked: VideoSettings) -> VideoScene:
+    """The video with the place of its instances in its folder `where`: another one for all that they hang on."""
+    scale = asked.model_dump_json(include={"camera_height", "known_length"})
+    state = fingerprint(
+        kept.rule().encode(), scale.encode(),
+        video.model.cam_to_world.tobytes(), video.model.times.tobytes(),
+        *(depth.tobytes() for depth in video.depths),
+        *(np.packbits(mask).tobytes() for mask in video.moving),
+    )  # fmt: skip
+    return replace(video, kept=KeptInstances(where / f"instances-{state[:12]}"))
+
+
+def _standing(video: VideoScene) -> VideoScene:
+    """The video in a world whose z is up, with the instances of its still world, in its depth's own unit."""
+    factor = world.unit(video.depths)
+    depths = [np.asarray(factor * depth, np.float32) for depth in video.depths]
+    model = video.model.moved(np.eye(4), factor)
     up, level = world.upright(model)
-    model = model.moved(up, 1.0)
-    some = [int(k) for k in np.linspace(0, len(depths) - 1, min(LOOKED, len(depths))).round()]
-    looks = [
-        replace(look_at(image(k), lens.K, model.cam_to_world[k], depths[k]), hidden=masks[k])
-        for k in some
-    ]
-    found = instances.find(looks)
-    if level is not None:
-        found = instances.with_support(found, looks, level)
-    return VideoScene(
-        episode, model, tuple(depths), found, RELATIVE, tuple(masks), contradicted, fit_width
-    )
+    placed = replace(video, model=model.moved(up, 1.0), depths=tuple(depths))
+
+    def find() -> InstanceMap:
+        some = np.linspace(0, len(depths) - 1, min(LOOKED, len(depths))).round().astype(int)
+        looks = [replace(placed.look(k), hidden=video.moving[k]) for k in some.tolist()]
+        found = instances.find(looks)
+        return found if level is None else instances.with_support(found, looks, level)
+
+    assert video.kept is not None
+    return replace(placed, instances=video.kept.map(find))
 
 
 @dataclass(frozen=True)
@@ -234,31 +247,24 @@ def _with_boxes(
 def _moved(
     look: Callable[[int], PosedFrame],
     spans: Sequence[tuple[float, float]],
-    kept: Path,
+    path: Path,
     tell: Progress,
 ) -> moving.Moving:
     shape = look(0).depth.shape
     try:
-        with np.load(kept, allow_pickle=False) as held:
+        with np.load(path, allow_pickle=False) as held:
             if held["shape"].tolist() == [len(spans), *shape]:
                 bits = np.unpackbits(held["masks"], count=len(spans) * shape[0] * shape[1])
                 masks = bits.astype(bool).reshape(len(spans), *shape)
                 return moving.Moving(tuple(masks), tuple(held["contradicted"].tolist()))
-    except (OSError, ValueError, KeyError, EOFError):
+    except DAMAGED:
         pass
     found = moving.find(look, len(spans), spans, lambda share: tell(0.85 + 0.15 * share, "hands"))
-    _keep(
-        kept, masks=np.packbits(np.stack(found.masks)), shape=np.array([len(spans), *shape]),
+    kept.keep(
+        path, masks=np.packbits(np.stack(found.masks)), shape=np.array([len(spans), *shape]),
         contradicted=np.array(found.contradicted, np.int32),
     )  # fmt: skip
     return found
-
-
-def _keep(path: Path, **arrays: np.ndarray) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    write_atomic(path, buffer.getvalue())
 
 
 def _name(episode: Episode, settings: ColmapSettings) -> str:
@@ -283,14 +289,14 @@ def _focal(camera: Camera) -> float:
 def _modelled(
     episode: Episode,
     settings: ColmapSettings,
-    kept: Path,
+    path: Path,
     tell: Progress,
     model_of: Callable[[], poses.Poses] | None,
 ) -> Reconstruction:
     """By structure from motion, else by a learned model if there is one."""
     (view,) = episode.views.values()
     try:
-        return _reconstructed(episode, settings, kept, tell)
+        return _reconstructed(episode, settings, path, tell)
     except Unsupported as error:
         if model_of is None:
             raise
@@ -302,9 +308,9 @@ def _modelled(
 
 
 def _reconstructed(
-    episode: Episode, settings: ColmapSettings, kept: Path, tell: Progress
+    episode: Episode, settings: ColmapSettings, path: Path, tell: Progress
 ) -> Reconstruction:
-    found = load(kept)
+    found = load(path)
     if found is not None:
         if "refused" in found.facts:
             raise Unsupported(found.facts["refused"])
@@ -316,9 +322,9 @@ def _reconstructed(
             progress=lambda share, what: tell(0.5 * share, what),
         )  # fmt: skip
     except Unsupported as error:
-        save(kept, _refused(str(error)))
+        save(path, _refused(str(error)))
         raise
-    save(kept, model)
+    save(path, model)
     return model
 
 
@@ -332,18 +338,18 @@ def _refused(words: str) -> Reconstruction:
 
 
 def _swept(
-    shots: Sequence[sweep.SweepImage], bounds: Sequence[Bound], kept: Path, tell: Progress
+    shots: Sequence[sweep.SweepImage], bounds: Sequence[Bound], path: Path, tell: Progress
 ) -> list[Float32[np.ndarray, "h w"]]:
     try:
-        with np.load(kept, allow_pickle=False) as held:
+        with np.load(path, allow_pickle=False) as held:
             stored = list(held["depths"])
             if len(stored) == len(shots) and stored[0].shape == shots[0].grey.shape:
                 return stored
-    except (OSError, ValueError, KeyError, EOFError):
+    except DAMAGED:
         pass
     spans, sparse = zip(*bounds, strict=True)
     depths = sweep.depths(shots, spans, sparse, lambda share: tell(0.6 + 0.25 * share, "depth"))
-    _keep(kept, depths=np.stack(depths))
+    kept.keep(path, depths=np.stack(depths))
     return depths
 
 

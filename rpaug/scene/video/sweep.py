@@ -114,8 +114,7 @@ def swept(
     for k, z in enumerate(planes):
         found = np.stack([_correlated(one, mean, spread, other, z) for other in near])
         if len(found):
-            best = -np.sort(-found, axis=0)[: max(1, (len(found) + 1) // 2)]
-            scores[k] = best.mean(0)
+            scores[k] = _largest(found, max(1, (len(found) + 1) // 2)).mean(0)
     at = scores.argmax(0)
     top = np.take_along_axis(scores, at[None], 0)[0]
     below = np.take_along_axis(scores, np.maximum(at - 1, 0)[None], 0)[0]
@@ -130,6 +129,15 @@ def swept(
     plain = np.quantile(scores, 0.8, axis=0)
     sure = np.where((at > 0) & (at < STEPS - 1) & (top - plain > 0.05), top, 0)
     return (1 / inverse).astype(np.float32), sure.astype(np.float32)
+
+
+def _largest(values: Float32[np.ndarray, "n h w"], count: int) -> Float32[np.ndarray, "m h w"]:
+    """The largest `count` of each pixel, in falling order: faster than sorting them all."""
+    rows = list(values)
+    for i in range(count):
+        for j in range(i + 1, len(rows)):
+            rows[i], rows[j] = np.maximum(rows[i], rows[j]), np.minimum(rows[i], rows[j])
+    return np.stack(rows[:count])
 
 
 def _moments(grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

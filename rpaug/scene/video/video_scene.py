@@ -5,8 +5,8 @@ through the lens, and with the frames that were not registered as they were.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import cv2
@@ -17,8 +17,9 @@ from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
 from rpaug.scene.video import instances, sweep
-from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.frame import PosedFrame, SegmentedFrames, segments
 from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction
 
@@ -42,6 +43,8 @@ class VideoScene:
     moving: tuple[Bool[np.ndarray, "h w"], ...] = ()  # what moves by itself, frame by frame
     contradicted: tuple[int, ...] = ()  # recorded frames whose poses were not believed
     fit_width: int = 320  # pixels: of the images that Gaussians are fitted to
+    segmented: SegmentedFrames = field(default_factory=SegmentedFrames)
+    kept: KeptInstances | None = None  # where instance ids that were told before lie
 
     @cached_property
     def name(self) -> str:
@@ -190,8 +193,7 @@ class VideoScene:
 
         @lru_cache(KEPT)
         def named(k: int) -> tuple[PosedFrame, Int32[np.ndarray, "h w"]]:
-            image = self.episode.views[self.name].rgb(k)
-            look = look_at(image, self.lens.K, self.model.cam_to_world[k], self.depths[k])
+            look = self.look(k)
             return look, self.instances.rough(look)
 
         return named
@@ -202,14 +204,23 @@ class VideoScene:
 
         @lru_cache(None)
         def given(k: int) -> UInt16[np.ndarray, "h w"]:
-            look, named = self._named(k)
-            beside = [self._named(j) for j in (k - 1, k + 1) if 0 <= j < len(self.depths)]
-            ids = self.instances.of(look, named, beside)
-            if self.hand is not None:
-                ids = np.where(self.moving[k], self.hand, ids)
-            return ids.astype(np.uint16)
+            return self._tell(k) if self.kept is None else self.kept.frame(k, self._tell)
 
         return given
+
+    def look(self, k: int) -> PosedFrame:
+        """Frame `k` at the size that instance ids are told in."""
+        segmented = partial(self.segmented.of, int(self.model.times[k]))
+        pose, image = self.model.cam_to_world[k], self._rgb(k)
+        return look_at(image, self.lens.K, pose, self.depths[k], segmented)
+
+    def _tell(self, k: int) -> UInt16[np.ndarray, "h w"]:
+        look, named = self._named(k)
+        beside = [self._named(j) for j in (k - 1, k + 1) if 0 <= j < len(self.depths)]
+        ids = self.instances.of(look, named, beside)
+        if self.hand is not None:
+            ids = np.where(self.moving[k], self.hand, ids)
+        return ids.astype(np.uint16)
 
 
 def look_at(
@@ -217,9 +228,10 @@ def look_at(
     K: Float64[np.ndarray, "3 3"],
     pose: Float64[np.ndarray, "4 4"],
     depth: Float32[np.ndarray, "a b"],
+    segmented: Callable[[UInt8[np.ndarray, "h w 3"]], Int32[np.ndarray, "h w"]] = segments,
 ) -> PosedFrame:
     """A frame at the size that things are told in."""
     small = sweep.shot(image, K, pose, LOOK_WIDTH)
     size = (small.rgb.shape[1], small.rgb.shape[0])
     fitting = 1 / cv2.resize(1 / depth, size, interpolation=cv2.INTER_LINEAR)
-    return PosedFrame(small.rgb, fitting.astype(np.float32), small.K, pose)
+    return PosedFrame(small.rgb, fitting.astype(np.float32), small.K, pose, segmented=segmented)

@@ -114,6 +114,32 @@ def test_what_the_image_cuts_off_is_refused() -> None:
         find(seen(cut), Target(text="the green plate"))
 
 
+def test_a_handle_is_one_thing_in_all_cameras_that_show_it_or_refused() -> None:
+    def gone(out: np.ndarray) -> None:
+        out[:, 58:] = BLOCK  # a wall of its color, and the block is part of it
+        out[36:44, 14:22] = out[36:44, 26:34]
+
+    (block,) = find(seen(nothing), Target(text="the red block"))
+    assert find(seen(nothing, nothing), Target(handle=block)) == {block}
+    with pytest.raises(TargetError, match=r"handle \d+: image_1 shows its color, and not it"):
+        find(seen(nothing, gone), Target(handle=block))
+
+
+def test_a_handle_is_refused_where_another_thing_is_as_much_like_it() -> None:
+    def two(out: np.ndarray) -> None:
+        out[48:56, 34:42] = BLOCK
+
+    scene = seen(nothing, two)
+    ids = scene.episode.views["image_1"].ids(0)
+    second = int(ids[52, 38])
+    (block,) = set(np.unique(ids[36:44, 14:22]).tolist()) & scene.instance_ids - {second}
+    for handle in (block, second):
+        if (scene.episode.views["image_0"].ids(0) == handle).any():
+            with pytest.raises(TargetError, match=r"as much like what image_[01] shows of it"):
+                find(scene, Target(handle=handle))
+    assert find(scene, Target(handle=[block, second])) == {block, second}
+
+
 def test_a_camera_that_shows_the_color_elsewhere_disputes_it() -> None:
     def gone(out: np.ndarray) -> None:
         out[36:44, 14:22] = out[36:44, 26:34]

@@ -11,6 +11,7 @@ import walks
 from rpaug import BadInput, Unsupported
 from rpaug.compose import views
 from rpaug.core import geometry
+from rpaug.pipeline import recipe
 from rpaug.pipeline.inspect import inspect
 from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
 from rpaug.scene.video.lens import Lens
@@ -28,6 +29,26 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> VideoScene:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, TIMES))
         return reconstruct.develop(walks.walk(LENGTH), cache=tmp_path_factory.mktemp("cache"))
+
+
+def test_instances_that_were_told_before_are_not_told_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(colmap, "reconstruct", lambda *args, **named: walks.model(LENGTH, TIMES))
+
+    def ids() -> list[np.ndarray]:
+        read = reconstruct.develop(walks.walk(LENGTH), cache=tmp_path).episode.views["ego"].ids
+        assert read is not None
+        return [read(k) for k in range(len(TIMES))]
+
+    told = ids()
+    (damaged,) = tmp_path.rglob("00003.npz")
+    damaged.write_bytes(damaged.read_bytes()[:-40])
+    made, of = [], instances.InstanceMap.of
+    monkeypatch.setattr(instances.InstanceMap, "of", lambda *given: made.append(0) or of(*given))
+    monkeypatch.setattr(instances, "find", None)
+    assert all(np.array_equal(a, b) for a, b in zip(told, ids(), strict=True))
+    assert len(made) == 1
 
 
 def test_only_a_camera_that_moves_is_looked_for() -> None:
@@ -147,7 +168,7 @@ def test_inspect_names_the_handles_that_edits_go_by(
         raise Unsupported("degenerate: 2 of 10")
 
     monkeypatch.setattr(reconstruct, "develop", refused)
-    described, _, _ = inspect(made.recorded)
+    described, _, _ = inspect(replace(made.recorded, key="another"))
     assert described["assumed"][0].startswith("degenerate: 2 of 10")
     assert "film" not in described
 
@@ -256,3 +277,11 @@ def test_plain_patches_lie_on_their_plane() -> None:
     laid, sure = sweep.flattened(patch, depth, trust)
     assert np.abs(laid / truth - 1).max() < 0.02
     assert (sure > 0).all()
+
+
+def test_paint_in_a_video_is_paint_in_its_light(made: VideoScene) -> None:
+    edit = {"op": "recolor", "target": {"handle": min(made.instances.support)}, "color": "blue"}
+    (step,) = recipe.build({"version": 1, "edits": [edit]}).steps
+    drawn = step.options[0].operator.sample(made.scene(), np.random.default_rng(0))["color"]
+    assert drawn[2] < 1
+    assert min(drawn[:2]) > 0

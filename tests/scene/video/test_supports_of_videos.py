@@ -107,3 +107,23 @@ def test_a_thing_takes_what_its_color_says_is_left_of_it() -> None:
     assert (found[small] == THING).all()
     found[small] = TABLE
     assert (found == TABLE).all()
+
+
+def test_a_large_surface_ends_where_its_color_does() -> None:
+    """Its segments end in its shade, and one of another thing that stands before it lies in its cells."""
+    rgb = np.full((120, 160, 3), (70, 72, 75), np.uint8)
+    light = np.linspace(0.75, 1.0, 80)[:, None, None]
+    rgb[40:] = (light * [170, 30, 40]).astype(np.uint8)
+    rgb[90:, 100:130] = (150, 120, 80)
+    named = np.full(rgb.shape[:2], FIRST + 1, np.int32)
+    named[55:] = FIRST  # a dark strip of the red is part of the gray segment above
+    patch = named.copy()
+    patch[90:, 100:130] = 0
+    look = PosedFrame(
+        rgb, np.ones(rgb.shape[:2], np.float32), np.eye(3), np.eye(4), segmented=lambda shown: patch
+    )
+    none = np.zeros(0, np.int32)
+    found = InstanceMap(1.0, none.astype(np.int64), none, 2).of(look, named)
+    assert (found[42:88] == FIRST).all()
+    assert (found[:40] == FIRST + 1).all()
+    assert (found[93:, 103:127] == BACKGROUND).all()

@@ -1,0 +1,79 @@
+"""Instances of a video as they were told before, in its folder of the cache: the map of its world, each frame's ids.
+
+They hang on poses, depth, what moves, the scale, and on how instances are told: other ones, another folder.
+"""
+
+import io
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt16
+
+from rpaug.core import geometry, pixels
+from rpaug.core.files import write_atomic
+from rpaug.providers import grabcut
+from rpaug.scene import instances as finders
+from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.model import DAMAGED, fingerprint
+
+
+@dataclass(frozen=True)
+class KeptInstances:
+    """The instances of one video, as one state of the program tells them, in `folder`."""
+
+    folder: Path
+
+    def map(self, find: Callable[[], InstanceMap]) -> InstanceMap:
+        """The kept map; what `find` finds if none is kept, or it is damaged."""
+        with suppress(*DAMAGED), np.load(self.folder / "map.npz", allow_pickle=False) as held:
+            level, color = held["level"].tolist(), held["color"]
+            return InstanceMap(
+                float(held["cell"]), held["codes"], held["instance_ids"], int(held["count"]),
+                frozenset(held["support"].tolist()), level[0] if level else None,
+                color if len(color) else None,
+            )  # fmt: skip
+        found = find()
+        none = np.zeros(0, np.float32)
+        with suppress(OSError):  # a cache that may only be read
+            keep(
+                self.folder / "map.npz", cell=np.array(found.cell), codes=found.codes,
+                instance_ids=found.instance_ids, count=np.array(found.count),
+                support=np.array(sorted(found.support), np.int32),
+                level=np.array([] if found.level is None else [found.level]),
+                color=none if found.color is None else found.color,
+            )  # fmt: skip
+        return found
+
+    def frame(
+        self, k: int, find: Callable[[int], UInt16[np.ndarray, "h w"]]
+    ) -> UInt16[np.ndarray, "h w"]:
+        """The kept ids of frame `k`; what `find` finds if none are kept, or they are damaged."""
+        path = self.folder / f"{k:05d}.npz"
+        with suppress(*DAMAGED), np.load(path, allow_pickle=False) as held:
+            return np.asarray(held["ids"], np.uint16)
+        found = find(k)
+        with suppress(OSError):
+            keep(path, ids=found)
+        return found
+
+
+def keep(path: Path, **arrays: np.ndarray) -> None:
+    """Write arrays into one packed file, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    write_atomic(path, buffer.getvalue())
+
+
+@cache
+def rule() -> str:
+    """A name for how instances are told: the sources that tell them, and OpenCV's version."""
+    own, others = Path(__file__).parent, Path(finders.__file__).parent
+    more = [Path(str(one.__file__)) for one in (geometry, pixels, grabcut)]
+    sources = [*sorted(own.glob("*.py")), *sorted(others.glob("*.py")), *more]
+    return fingerprint(cv2.__version__.encode(), *(path.read_bytes() for path in sources))
