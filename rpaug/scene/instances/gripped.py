@@ -28,11 +28,12 @@ Ids = Int32[np.ndarray, "h w"]
 class Gripped:
     """`thing` is what all cameras that see the fingers agree on, None without that, `share` how much of it at least is
     between them. `within` are those of support and surroundings that it may be part of where no camera shows any
-    instance there."""
+    instance there. `rivals` are several things that all cameras show there, none of them clearly."""
 
     thing: int | None = None
     share: float = 0.0
     within: frozenset[int] = frozenset()
+    rivals: frozenset[int] = frozenset()
 
 
 def closes(opening: Float64[np.ndarray, "t"]) -> int | None:
@@ -70,26 +71,28 @@ def find(
             }
         )
     within = frozenset(there) if there <= {SUPPORT, AROUND} else frozenset()
-    thing, share = _agreed(shares)
+    thing, share, rivals = _agreed(shares)
     if thing is None:
-        return Gripped(within=within)
+        return Gripped(within=within, rivals=rivals)
     end = shown(last)
     if any(_gone(resting[name] == thing, end[name], thing) for name in at):
         return Gripped(within=within)
     return Gripped(thing, share)
 
 
-def _agreed(shares: Sequence[Mapping[int, float]]) -> tuple[int | None, float]:
-    """The one thing that lies at the fingers in every camera, by its least share there; and that share. What one camera
-    shows there beside it lies before or behind it if another camera does not."""
+def _agreed(shares: Sequence[Mapping[int, float]]) -> tuple[int | None, float, frozenset[int]]:
+    """The one thing that lies at the fingers in every camera, by its least share there; that share; and, in place of
+    both, the several that may be it. What one camera shows there beside it lies before or behind it if another camera
+    does not."""
     every = set[int]().union(*shares)
     least = {one: min(seen.get(one, 0.0) for seen in shares) for one in every}
     order = sorted(every, key=lambda one: -least[one])
     if not order or least[order[0]] < HELD:
-        return None, 0.0
-    if len(order) > 1 and least[order[0]] < CLEAR * least[order[1]]:
-        return None, 0.0
-    return order[0], least[order[0]]
+        return None, 0.0, frozenset()
+    rivals = frozenset(one for one in order if least[order[0]] < CLEAR * least[one])
+    if len(rivals) > 1:
+        return None, 0.0, rivals
+    return order[0], least[order[0]], frozenset()
 
 
 def _steps(

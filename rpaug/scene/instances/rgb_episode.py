@@ -79,6 +79,10 @@ def _beliefs(seen: CameraInstanceMap) -> dict[str, Belief]:
     if held.thing is not None and held.thing in seen.manipulated:
         reason = f"the gripper closes on it in all cameras that see its end, {100 * held.share:.0f} % of it at least"
         found["manipulated"] = Belief(seen.manipulated, max(SURE, held.share), (reason,))
+    elif seen.manipulated & held.rivals:
+        listed = ", ".join(str(one) for one in sorted(held.rivals))
+        reason = f"the gripper closes where instances {listed} lie, and color does not tell which of them it moves"
+        found["manipulated"] = Belief(seen.manipulated, 0.0, (reason,))
     plain = seen.plainness
     for role in ("table", "background"):
         if role not in found:

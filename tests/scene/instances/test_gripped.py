@@ -1,5 +1,7 @@
 """What a gripper closes on, in drawn recordings of color images alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from rgb_only_tables import BLOCK, FLOOR, PLATE, SIZE, TABLE, still
@@ -7,7 +9,7 @@ from rgb_only_tables import BLOCK, FLOOR, PLATE, SIZE, TABLE, still
 from rpaug.core.errors import TargetError
 from rpaug.core.types import CameraView, Episode, Robot
 from rpaug.scene.build import build
-from rpaug.scene.instances import gripped
+from rpaug.scene.instances import gripped, rgb_episode
 from rpaug.scene.targets.targets import Target, find
 
 LENGTH = 12
@@ -61,17 +63,33 @@ def test_what_lies_at_the_fingers_in_all_cameras_is_gripped_whatever_one_shows_b
     beside[38:41, 32:38] = 8
     hand = [np.where(drawn(32) == 1, 1, one) for one in (beside, drawn(None, 7))]
 
-    def told_of(*cameras: tuple[np.ndarray, np.ndarray]) -> int | None:
+    def told_of(*cameras: tuple[np.ndarray, np.ndarray]) -> gripped.Gripped:
         resting = {str(k): one for k, (one, _) in enumerate(cameras)}
         return gripped.find(
             resting,
             lambda t: {str(k): pair[t > 0] for k, pair in enumerate(cameras)},
             start=2,
             last=3,
-        ).thing
+        )
 
-    assert told_of((beside, hand[0])) is None
-    assert told_of((beside, hand[0]), (drawn(None, 7), hand[1])) == 7
+    assert told_of((beside, hand[0])) == gripped.Gripped(rivals=frozenset({7, 8}))
+    both = told_of((beside, hand[0]), (drawn(None, 7), hand[1]))
+    assert (both.thing, both.rivals) == (7, frozenset())
+
+
+def test_one_of_several_things_that_the_gripper_may_close_on_is_doubted() -> None:
+    """What changed by color alone was a sink's patch beside the carrot that the gripper took."""
+    seen = SimpleNamespace(
+        roles={"manipulated": frozenset({12})},
+        manipulated=frozenset({12}),
+        gripped=gripped.Gripped(rivals=frozenset({11, 12})),
+        plainness=1.0,
+    )
+    doubted = rgb_episode._beliefs(seen)["manipulated"]  # type: ignore[arg-type]
+    assert doubted.confidence == 0
+    assert "instances 11, 12" in doubted.reasons[0]
+    seen.gripped = gripped.Gripped(rivals=frozenset({11, 13}))
+    assert rgb_episode._beliefs(seen)["manipulated"].confidence == rgb_episode.SURE  # type: ignore[arg-type]
 
 
 def test_an_orange_thing_in_dim_light_is_still_the_one_that_the_instruction_names() -> None:
