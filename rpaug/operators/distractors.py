@@ -139,7 +139,7 @@ class Distractors(Operator):
         }
         elsewhere, every = edit.get("elsewhere", {}), sum(edit.get("asked", {}).values())
         return {
-            f"added things could not stand {where}: no room": (
+            f"added things stand elsewhere: no room {where}": (
                 elsewhere.get(zone, 0),
                 every,
             )

@@ -86,7 +86,9 @@ def _light(_: Fields, edit: Edit) -> str:
         if "colored" in edit
         else ""
     )
-    return f"{which}lamps {abs(level):.0f} % {'brighter' if level > 0 else 'dimmer'}, {_tint(edit)}"
+    share = f"{abs(level):.0f} %"
+    bright = "as bright" if share == "0 %" else f"{share} {'brighter' if level > 0 else 'dimmer'}"
+    return f"{which}lamps {bright}, {_tint(edit)}"
 
 
 def _tint(edit: Edit) -> str:

@@ -214,7 +214,7 @@ def _instances(
     """Do masks show what the report says was put in, and nothing else that was never recorded?"""
     added = given.get("added", {})
     for instance_id, where in added.items():
-        if not where:
+        if not where and any(view.ids for view in made.views.values()):
             words = f"{instance_id} was put in, and no camera's mask shows it"
             yield Finding("note", key, "instances", words)
         for name, (t, pixels) in where.items():

@@ -90,7 +90,7 @@ def test_what_finds_no_room_near_stands_elsewhere_and_that_is_said(monkeypatch) 
     assert edit["elsewhere"] == edit["asked"] == {"path": 2}
     (line,) = Draw(0, Option("distractors", {}, operator), edit).describe()["fell_short"]
     low = "within 15 cm of the gripper's low path"
-    said = f"added things could not stand {low}: no room"
+    said = f"added things stand elsewhere: no room {low}"
     assert line == f"2 of 2 {said}"
     whole = Summary(fell_short=[{"edit": "distractors", "count": 2, "of": 8, "what": said}])
     assert whole.shortfalls == [f"distractors: 2 of 8 {said}"]

@@ -95,6 +95,7 @@ def test_where_shadows_were_cast_anew_is_said():
     ("gain", "words"),
     [
         ([0.79, 1.11, 0.85], "lamps 8 % dimmer, cooler and greener"),
+        ([1.003, 1, 0.999], "lamps as bright, of the same tint"),
         ([0.865, 1.008, 0.841], "lamps 10 % dimmer, greener"),
         ([1.2, 1.0, 1.2], "lamps 13 % brighter, pinker"),
         ([0.9, 0.8, 0.7], "lamps 20 % dimmer, warmer"),

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ from rpaug_adapters.rlbench import RLBench
 from runs import GROUP, augment
 
 from rpaug.pipeline import recipe, report
+from rpaug.pipeline import verify as verifying
 from rpaug.pipeline.verify import Finding, verify
 from rpaug.scene.build import build
 
@@ -106,3 +108,13 @@ PAINTS = [
     ("table_color", {}),
     ("background_texture", {"texture": "oak"}),
 ]
+
+
+def test_only_where_there_are_masks_is_a_thing_that_none_shows_noted(strayed: Path) -> None:
+    recorded = RLBench().read(strayed, f"{GROUP}/episode0")
+    without = replace(
+        recorded, views={name: replace(view, ids=None) for name, view in recorded.views.items()}
+    )
+    for episode, notes in ((recorded, 1), (without, 0)):
+        found = verifying._instances("k", episode, episode, {"added": {"9": {}}}, [0])
+        assert [one.level for one in found] == ["note"] * notes
