@@ -39,7 +39,7 @@ def test_surroundings_of_one_color_are_plain() -> None:
 def test_among_many_colors_neither_table_nor_background_is_a_target() -> None:
     scene = build(cluttered(), with_bodies=True)
     for target in (TABLE, BACKGROUND):
-        with pytest.raises(TargetError, match="walls and floor of few colors"):
+        with pytest.raises(TargetError, match="walls and a floor of few colors"):
             find(scene, target)
     with pytest.raises(TargetError, match=r"color alone does not tell the table.*nowhere to put"):
         placing.find_free_space(scene)
