@@ -267,8 +267,7 @@ def _write_image(
             raise Unsupported(f"{folder}: found id {image.max()}; masks here hold up to {most}")
         if not plain:
             image = _bytes_of(image)[..., ::-1]
-    with open(target, "wb") as stream:
-        stream.write(files.encode_png(image.astype(np.uint8, copy=False)))
+    Path(target).write_bytes(files.encode_png(image.astype(np.uint8, copy=False)))
 
 
 def _steps(depth: Float32[np.ndarray, "h w"], near: float, far: float) -> Int32[np.ndarray, "h w"]:
