@@ -89,8 +89,8 @@ def _beliefs(seen: CameraInstanceMap) -> dict[str, Belief]:
             continue
         if plain < PLAIN:
             reason = (
-                f"color alone does not tell the {role} from what stands there, and that would be painted too: walls and "
-                f"a floor of few colors are only {100 * plain:.0f} % of what is around; roles.yaml settles it "
+                f"color alone does not tell the {role} from what stands there, and that would be painted too: walls "
+                f"and a floor of few colors are only {100 * plain:.0f} % of what is around; roles.yaml settles it "
                 "(rpaug inspect --write-roles begins one), or record depth or masks"
             )
             found[role] = Belief(found[role].instance_ids, 0.0, (reason,))
