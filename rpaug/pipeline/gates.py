@@ -10,7 +10,7 @@ from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Int32, UInt8
+from jaxtyping import Bool, Float64, Int32, UInt8
 from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.compose import views
@@ -193,18 +193,20 @@ def _flicker(scene: Scene, made: Episode) -> float | None:
         if not view.camera.fixed or view is old:
             continue
         for t in _moments(made.length):
-            mine, theirs = view.rgb(t), old.rgb(t)
-            touched = (mine != theirs).any(-1) | (view.camera is not old.camera)
-            edited.append(_change(mine, view.rgb(t + 1))[touched & _still(view, t)])
-            recorded.append(_change(theirs, old.rgb(t + 1))[touched & _still(old, t)])
+            touched = differing(view.rgb(t), old.rgb(t)) | (view.camera is not old.camera)
+            if touched.any():
+                edited.append(_change(view, t, touched))
+                recorded.append(_change(old, t, touched))
     if not sum(map(len, edited)) or not sum(map(len, recorded)):
         return None
     more = np.concatenate(edited).mean() - np.concatenate(recorded).mean()
     return max(0.0, float(more))
 
 
-def _change(now: UInt8[np.ndarray, "h w 3"], then: UInt8[np.ndarray, "h w 3"]) -> np.ndarray:
-    return np.abs(then.astype(np.int16) - now).mean(-1)
+def _change(view: CameraView, t: int, touched: Bool[np.ndarray, "h w"]) -> Float64[np.ndarray, "n"]:
+    """Grey levels from frame t to the next, of the `touched` pixels that are still."""
+    where = touched & _still(view, t)
+    return np.abs(view.rgb(t + 1)[where].astype(np.int16) - view.rgb(t)[where]).mean(-1)
 
 
 def _still(view: CameraView, t: int) -> Bool[np.ndarray, "h w"]:

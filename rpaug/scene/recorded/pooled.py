@@ -8,7 +8,7 @@ shows the same place of it: its neighbours then count from whichever of these fr
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Int32
+from jaxtyping import Float32, Int32, UInt8
 
 from rpaug.core import memo
 from rpaug.core.jit import kernel
@@ -51,13 +51,17 @@ def of_camera(episode: Episode, name: str) -> Pool:
     ids = np.zeros((height, width, SLOTS), np.int32)
     depths = np.zeros((height, width, SLOTS, AROUND), np.float32)
     count = np.zeros((height, width, SLOTS), np.int32)
-    tolerance = 0.0
+    told, tolerance = np.zeros((height, width), np.uint8), 0.0
+    before: tuple[np.ndarray, np.ndarray] | None = None
     for t in range(episode.length):
         depth = np.nan_to_num(view.depth(t), posinf=0.0, neginf=0.0)
         shown = view.ids(t) if view.ids else np.zeros(depth.shape, np.int32)
-        if t == 0:
+        if before is None:
             tolerance = max(EXACT, NOISES * denoise.noise(depth, shown))
-        _add(depth, shown, tolerance, ids, depths, count)
+        else:
+            _forget(depth, shown, *before, told)
+        _add(depth, shown, tolerance, ids, depths, count, told)
+        before = depth, shown
     return Pool(ids, depths, tolerance)
 
 
@@ -109,6 +113,27 @@ def _least(count: Int32[np.ndarray, "slots"], depths: Float32[np.ndarray, "slots
 
 
 @kernel
+def _forget(
+    depth: Float32[np.ndarray, "h w"],
+    shown: Int32[np.ndarray, "h w"],
+    depth_before: Float32[np.ndarray, "h w"],
+    shown_before: Int32[np.ndarray, "h w"],
+    told: UInt8[np.ndarray, "h w"],
+) -> None:
+    """What was `told` of the pixels around which anything differs from the frame before counts no more."""
+    height, width = depth.shape
+    for r in range(height):
+        for c in range(width):
+            if depth[r, c] == depth_before[r, c] and shown[r, c] == shown_before[r, c]:
+                continue
+            for away in range(-2, 3):
+                if 0 <= r + away < height:
+                    told[r + away, c] = 0
+                if 0 <= c + away < width:
+                    told[r, c + away] = 0
+
+
+@kernel
 def _add(
     depth: Float32[np.ndarray, "h w"],
     shown: Int32[np.ndarray, "h w"],
@@ -116,11 +141,18 @@ def _add(
     ids: Int32[np.ndarray, "h w slots"],
     depths: Float32[np.ndarray, "h w slots 9"],
     count: Int32[np.ndarray, "h w slots"],
+    told: UInt8[np.ndarray, "h w"],
 ) -> None:
-    """Take in one frame: a new place takes the slot of the one shown least. Depths are means of all frames so far."""
+    """Take in one frame: a new place takes the slot of the one shown least. Depths are means of all frames so far.
+
+    `told` is, by number from 1, the slot of a pixel to whose depths the same frame once more adds nothing; 0 for none.
+    """
     here = np.empty(AROUND, np.float32)
     for r in range(depth.shape[0]):
         for c in range(depth.shape[1]):
+            if told[r, c]:
+                count[r, c, told[r, c] - 1] += 1
+                continue
             if not depth[r, c] > 0:
                 continue
             gather(depth, shown, r, c, here)
@@ -130,9 +162,12 @@ def _add(
                 ids[r, c, slot], count[r, c, slot] = shown[r, c], 0
                 depths[r, c, slot] = 0.0
             count[r, c, slot] += 1
+            same = True
             for k in range(AROUND):
                 known = depths[r, c, slot, k]
                 if known == 0:
                     depths[r, c, slot, k] = here[k]
                 elif here[k] > 0 and abs(here[k] - known) <= tolerance * known:
                     depths[r, c, slot, k] += (here[k] - known) / count[r, c, slot]
+                same = same and depths[r, c, slot, k] == known
+            told[r, c] = slot + 1 if same else 0

@@ -96,3 +96,22 @@ def test_a_new_light_changes_no_pixel_that_the_recording_repeats() -> None:
             still = (view.ids(t) == view.ids(t + 1)) & (view.ids(t) != BALL)
             after = shown.views[name].rgb
             assert np.array_equal(after(t)[still], after(t + 1)[still])
+
+
+def test_pixels_left_out_since_nothing_changed_leave_the_same_pool(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ball that passes, stops for two frames and passes on, over grain that comes and goes."""
+    grain = np.random.default_rng(0).normal(
+        0, 1e-5, (LENGTH, *np.shape(scene(EYES).episode.views["front"].ids(0)))
+    )
+
+    def held(name, t, rgb, depth, ids):  # type: ignore[no-untyped-def]
+        return rgb, (depth * (1 + (t % 3 == 1) * grain[t])).astype(np.float32), ids
+
+    recorded = seen_by(scene(EYES, length=LENGTH), held)
+    fast = pooled.of_camera(recorded.episode, "front")
+    monkeypatch.setattr(pooled, "_forget", lambda *frames: frames[-1].fill(0))
+    whole = pooled.of_camera(replace(recorded.episode), "front")
+    assert np.array_equal(fast.ids, whole.ids)
+    assert np.array_equal(fast.depths, whole.depths)
