@@ -47,6 +47,10 @@ COMMANDS = {
         "init",
         "Write a first recipe for a dataset, with comments: what one of its episodes has something for.",
     ),
+    "new-recipe": (
+        "init",
+        "Ask, edit by edit, for what one of a dataset's episodes has something for, and write the recipe.",
+    ),
     "fit": (
         "fit",
         "Fit Gaussians to an episode's static background and bodies, store them, and say how well they show it.",

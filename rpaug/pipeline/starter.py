@@ -1,9 +1,10 @@
 """A first recipe for a dataset: each edit that its first episode has something for, the others as comments with why."""
 
 import json
+import re
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,46 +48,101 @@ FEW = 3  # edits
 STATIC, REJECTED = "camera: static", "the gates, which check copies, would reject"
 SHADES = frozenset({"black", "gray", "silver", "white"})  # of them walls and shadows are too
 WIDTH = 118  # columns of a comment
+SEE = "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT."
 
 
-def text(
+OFTEN = 0.5  # of the copies in which an edit is
+OFTENER = 0.9  # where few edits can be made, or many copies would be the recording
+PROBABILITY = re.compile(r"probability: [0-9.]+")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """An edit in words and as YAML, and the `reason` why the episode has nothing for it, None if it has.
+
+    `notes` are said before it; `others` are comments after it: the same edit of things that a person has to point out.
+    """
+
+    words: str
+    entry: str
+    reason: str | None
+    notes: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An episode, one of so many `episodes` of a dataset, what `inspect` says of it, and what can be offered."""
+
+    episode: Episode
+    described: Mapping[str, Any]
+    episodes: int
+    offers: tuple[Offer, ...] = ()
+
+    @property
+    def lasting(self) -> bool:
+        """Whether a handle means the same thing in all episodes."""
+        return inputs.handles_hold(self.episode, self.episodes)
+
+
+def tried(
     episode: Episode,
     described: Mapping[str, Any],
     episodes: int = 1,
-    progress: Callable[[int], None] = lambda tried: None,
-) -> str:
-    """The recipe as YAML with comments. `described` is what `inspect` says of the episode, one of so many; `progress`
-    is called with the number of edits that were tried.
+    progress: Callable[[int], None] = lambda done: None,
+) -> Tried:
+    """All candidates, tried on the episode; `progress` is called with how many were.
 
     Raises RpaugError where nothing at all can be edited, with the reasons.
     """
-    lines, usable, reasons = list[str](), 0, list[str]()
-    lasting = inputs.handles_hold(episode, episodes)
-    for tried, (words, entry) in enumerate(CANDIDATES):
-        progress(tried)
-        reason = _lacking(episode, entry)
-        if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
-            lines += _comment(f"other cameras stay: {reason}", "  # ")
-            entry, reason = fewer, None
-        if reason is None:
-            usable += 1
-            lines += [f"  # {words}", f"  - {entry}"]
-        else:
-            reasons.append(reason)
-            lines += [*_comment(f"not here: {words}: {reason}", "  # "), f"  # - {entry}"]
-        if entry == CANDIDATES[0][1] and reason is not None:
-            lines += _by_instance(episode, described, lasting)
-    if not usable:
+    found = list[Offer]()
+    for done, (words, entry) in enumerate(CANDIDATES):
+        progress(done)
+        one = offer(episode, words, entry)
+        if one.reason is not None and not found:
+            one = replace(one, others=tuple(_by_instance(Tried(episode, described, episodes))))
+        found.append(one)
+    reasons = [one.reason for one in found if one.reason is not None]
+    if len(reasons) == len(found):
         raise RpaugError(f"{episode.key}: no edit can be made: {'; '.join(dict.fromkeys(reasons))}")
-    if usable <= FEW:  # else many copies would be the recording
-        lines = [line.replace("probability: 0.5", "probability: 0.9") for line in lines]
-    head = [line for one in _facts(episode, described, lasting) for line in _comment(one, "# ")]
+    return Tried(episode, described, episodes, tuple(found))
+
+
+def offer(episode: Episode, words: str, entry: str) -> Offer:
+    """An edit, tried; of fewer cameras where gates reject most draws of all at once."""
+    reason = _lacking(episode, entry)
+    if reason is not None and (fewer := _fewer_cameras(episode, entry, reason)):
+        return Offer(words, fewer, None, (f"other cameras stay: {reason}",))
+    return Offer(words, entry, reason)
+
+
+def often(one: Offer, share: float) -> Offer:
+    """The offer in that share of the copies; with 0 it becomes a comment."""
+    if share == 0:
+        return replace(one, reason="not wanted")
+    return replace(one, entry=PROBABILITY.sub(f"probability: {share:g}", one.entry))
+
+
+def text(of: Tried, offers: Sequence[Offer], copies: int = 4, asked: bool = False) -> str:
+    """The recipe as YAML with comments, of these offers; where nobody was `asked` few edits are made more often."""
+    lines = list[str]()
+    for one in offers:
+        lines += [line for note in one.notes for line in _comment(note, "  # ")]
+        if one.reason is None:
+            lines += [f"  # {one.words}", f"  - {one.entry}"]
+        else:
+            told = f"not here: {one.words}: {one.reason}"
+            lines += [*_comment(told, "  # "), f"  # - {one.entry}"]
+        lines += one.others
+    if not asked and sum(one.reason is None for one in offers) <= FEW:
+        lines = [line.replace(f"probability: {OFTEN}", f"probability: {OFTENER}") for line in lines]
+    head = [*facts(of), SEE]
     made = "\n".join(
         [
-            *head,
+            *(line for one in head for line in _comment(one, "# ")),
             "version: 1",
             "seed: 0      # the same seed gives the same bytes",
-            "copies: 4    # of each episode",
+            f"copies: {copies}    # of each episode",
             "edits:",
             *lines,
             "gates: {tries: 4}  # a copy that breaks a limit is drawn again, up to 4 times in all",
@@ -97,36 +153,45 @@ def text(
     return made
 
 
-def _by_instance(episode: Episode, described: Mapping[str, Any], lasting: bool) -> list[str]:
-    """A recolor of one instance without a role, as a comment: a person has to say whether that is a thing. By its
-    handle where that holds in all episodes, else by a color that nothing else has."""
-    instances = described.get("instances", ())
+def pointed_out(of: Tried) -> Iterator[tuple[str, str]]:
+    """Instances without a role that a person may mean, largest first: in words, and as a recipe's target.
+
+    By their handle where that holds in all episodes, else by a color that nothing else has.
+    """
+    instances = of.described.get("instances", ())
     colors = Counter(one["color_name"] for one in instances)
-    free = [one for one in instances if not one["role"]]
-    if not lasting:
-        free = [
-            one
-            for one in free
-            if colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
-        ]
+    for one in sorted(instances, key=lambda one: -sum(one["pixels"].values())):
+        alone = colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
+        if not one["role"] and (of.lasting or alone):
+            handle, color = one["handle"], one["color_name"]
+            target = f"{{handle: {handle}}}" if of.lasting else f"the {color} thing"
+            yield f"instance {handle} ({color})", target
+
+
+def recolored(target: str) -> str:
+    """The edit that gives a target other colors."""
+    return f"{{op: recolor, target: {target}, color: {{sample: colosseum}}, probability: {OFTEN}}}"
+
+
+def _by_instance(of: Tried) -> list[str]:
+    """A recolor of one instance without a role, as a comment: a person has to say whether that is a thing."""
     scene = None
-    for one in sorted(free, key=lambda one: -sum(one["pixels"].values())):
-        target = f"{{handle: {one['handle']}}}" if lasting else f"the {one['color_name']} thing"
-        entry = f"{{op: recolor, target: {target}, color: {{sample: colosseum}}, probability: 0.5}}"
-        recipe = _always(entry)
+    for named, target in pointed_out(of):
+        recipe = _always(recolored(target))
         try:
-            scene = scene or prepare.prepare_scene(episode, recipe, 0)[0]
+            scene = scene or prepare.prepare_scene(of.episode, recipe, 0)[0]
             prepare.ground(scene, recipe)
         except RpaugError:
             continue
-        words = f"if instance {one['handle']} ({one['color_name']}) is a thing, as `rpaug inspect --html` shows it:"
-        return [*_comment(f"{words} another color", "  # "), f"  # - {entry}"]
+        words = f"if {named} is a thing, as `rpaug inspect --html` shows it: another color"
+        return [*_comment(words, "  # "), f"  # - {recolored(target)}"]
     return []
 
 
-def _facts(episode: Episode, described: Mapping[str, Any], lasting: bool) -> list[str]:
+def facts(of: Tried) -> list[str]:
     """What was found, in sentences."""
-    found = {role: one for role, one in described.get("roles", {}).items() if one["handles"]}
+    episode = of.episode
+    found = {role: one for role, one in of.described.get("roles", {}).items() if one["handles"]}
     roles = [
         f"{role}: {', '.join(map(str, one['handles']))}"
         for role, one in found.items()
@@ -138,9 +203,8 @@ def _facts(episode: Episode, described: Mapping[str, Any], lasting: bool) -> lis
         f"A first recipe for {episode.key}: {quoted(episode.instruction)}, {episode.length} frames, "
         f"camera{'s' if len(episode.views) > 1 else ''} {', '.join(episode.views)}.",
         f"Instances by role: {'; '.join(roles) or 'none were found'}.{doubts} `rpaug inspect` shows what they are, "
-        + ("`{handle: N}` or " if lasting else "")
+        + ("`{handle: N}` or " if of.lasting else "")
         + '`{text: "the red cup"}` names one.',
-        "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT.",
     ]
 
 

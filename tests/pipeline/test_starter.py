@@ -1,7 +1,9 @@
 """A first recipe: valid, with comments, and only of what the episode has something for."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +12,14 @@ from typer.testing import CliRunner
 
 import rpaug
 from rpaug.cli import app
+from rpaug.core import registry
 from rpaug.core.errors import RpaugError
 from rpaug.pipeline import inspect, prepare, recipe, starter
+
+
+def written(episode: rpaug.Episode, described: Mapping[str, Any], episodes: int = 1) -> str:
+    tried = starter.tried(episode, described, episodes)
+    return starter.text(tried, tried.offers)
 
 
 def test_the_sample_has_something_for_every_edit(tmp_path: Path) -> None:
@@ -34,7 +42,7 @@ def test_what_an_episode_lacks_stands_there_as_a_comment_with_why() -> None:
     masks = np.ones((3, 24, 32), np.int32)
     masks[:, 8:16, 8:16] = 2
     episode = rpaug.Episode.from_arrays(rgb, masks=masks, instruction="push the block")
-    made = starter.text(episode, inspect.inspect(episode)[0])
+    made = written(episode, inspect.inspect(episode)[0])
     names = [
         one.name
         for step in recipe.build(starter.parse(made.encode(), "r")[0]).steps
@@ -56,7 +64,7 @@ def test_instances_are_found_once_for_all_edits_that_are_tried(
     episode = rpaug.Episode.from_arrays(rgb)
     looked, find = [], prepare.find
     monkeypatch.setattr(prepare, "find", lambda *given: looked.append(0) or find(*given))
-    starter.text(episode, inspect.inspect(episode)[0])
+    written(episode, inspect.inspect(episode)[0])
     assert len(looked) == 1
 
 
@@ -64,7 +72,7 @@ def test_where_nothing_can_be_edited_the_reasons_are_told(monkeypatch: pytest.Mo
     episode = rpaug.Episode.from_arrays(np.full((2, 24, 32, 3), 90, np.uint8))
     monkeypatch.setattr(starter, "CANDIDATES", starter.CANDIDATES[:1])
     with pytest.raises(RpaugError, match="no edit can be made: "):
-        starter.text(episode, {})
+        written(episode, {})
 
 
 @pytest.mark.parametrize("rejected", [2, 3])
@@ -79,7 +87,7 @@ def test_an_edit_stays_if_half_of_its_draws_pass(
         return ["dark"] if moves and copy <= rejected else []
 
     monkeypatch.setattr(starter, "_faults", faults)
-    made = starter.text(rpaug.read("sample"), {})
+    made = written(rpaug.read("sample"), {})
     assert ("would reject 3 of 4 trial copies: dark" in made) == (rejected == 3)
 
 
@@ -87,7 +95,7 @@ def test_cameras_that_gates_would_refuse_are_a_comment(monkeypatch: pytest.Monke
     far = ("far", "{op: camera_pose, camera: front, shift: 0.9, turn: 0.5}")
     monkeypatch.setattr(starter, "CANDIDATES", (starter.CANDIDATES[0], far))
     episode = rpaug.read("sample")
-    made = starter.text(episode, {})
+    made = written(episode, {})
     assert "# not here: far: the gates, which check copies, would reject" in made
     assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
 
@@ -103,7 +111,7 @@ def test_where_gates_reject_all_cameras_at_once_the_others_are_named(
         return ["torn"] if given == "static" or "overhead" in given else []
 
     monkeypatch.setattr(starter, "_faults", faults)
-    made = starter.text(rpaug.read("sample"), {})
+    made = written(rpaug.read("sample"), {})
     assert 'camera: ["front", "left_shoulder", "right_shoulder"]' in made
     assert "would reject 4 of 4 trial copies: torn" in made
     assert len(recipe.build(starter.parse(made.encode(), "r")[0]).steps) == 1
@@ -120,9 +128,9 @@ def photographed() -> tuple[rpaug.Episode, dict]:
 def test_a_thing_without_a_role_is_offered_as_a_comment() -> None:
     episode, described = photographed()
     assert "manipulated" not in described["roles"]
-    alone = starter.text(episode, described)
+    alone = written(episode, described)
     (offer,) = [line for line in alone.splitlines() if "target: {handle: " in line]
-    among = starter.text(episode, described, episodes=2)
+    among = written(episode, described, episodes=2)
     assert "{handle: " not in among  # it would be refused
     (named,) = [line for line in among.splitlines() if "target: the " in line]
     for line in (offer, named):
@@ -132,6 +140,51 @@ def test_a_thing_without_a_role_is_offered_as_a_comment() -> None:
 
 def test_doubted_roles_are_not_listed_as_found() -> None:
     episode, described = photographed()
-    head = starter.text(episode, described).partition("version: 1")[0].replace("\n# ", " ")
+    head = written(episode, described).partition("version: 1")[0].replace("\n# ", " ")
     assert "Not sure enough to be edited: table." in head
     assert "table: " not in head
+
+
+def asked(tmp_path: Path, answers: list[str], *options: str) -> tuple[Any, Path]:
+    out = tmp_path / "asked.yaml"
+    given = "\n".join(answers) + "\n"
+    return CliRunner().invoke(app, ["new-recipe", *options, "--out", str(out)], input=given), out
+
+
+def test_a_person_says_which_edits_and_how_often(tmp_path: Path) -> None:
+    shares = ["0.25", "0", "often", "2", "1", "0", "0", "0", "0", "3"]
+    done, out = asked(tmp_path, shares, "sample", "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout[done.stdout.index("{") :])["recipe"] == str(out)
+    assert "'often' is no number from 0 to 1" in done.stderr
+    made = recipe.load(out)
+    assert made.copies == 3
+    assert [(step.options[0].name, step.probability) for step in made.steps] == [
+        ("recolor", 0.25), ("table_texture", 1.0),
+    ]  # fmt: skip
+    assert "# not here: other walls and floor: not wanted" in out.read_text()
+
+
+def test_nothing_is_written_where_nothing_is_wanted_or_nobody_answers(tmp_path: Path) -> None:
+    done, out = asked(tmp_path, ["0"] * 7, "sample")
+    assert done.exit_code == 2
+    assert "no edit is wanted" in done.stderr
+    silent, out = asked(tmp_path, ["0.5"], "sample")
+    assert silent.exit_code != 0
+    assert not out.exists()
+
+
+def test_a_person_points_out_what_no_role_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rgb = np.full((3, 24, 32, 3), 90, np.uint8)
+    rgb[:, 8:16, 8:16] = (200, 30, 30)
+    masks = np.ones((3, 24, 32), np.int32)
+    masks[:, 8:16, 8:16] = 2
+    episode = rpaug.Episode.from_arrays(rgb, masks=masks, instruction="push the block")
+    monkeypatch.setattr(registry, "read_among", lambda *given: (episode, [episode.key]))
+    done, out = asked(tmp_path, ["2", "1", *["0"] * 7, "2"], str(tmp_path))
+    assert "2: instance 2 (red)" in done.stderr, done.output
+    (step,) = recipe.load(out).steps
+    assert step.options[0].name == "recolor"
+    assert "handle: 2" in out.read_text()
