@@ -102,7 +102,7 @@ def _number(asked: str, default: float, least: float, most: float, whole: bool =
             value = math.nan
         if not least <= value <= most or (whole and value != int(value)):
             kind = "a whole number" if whole else "a number"
-            raise typer.BadParameter(f"{answer!r} is no {kind} from {least:g} to {most:g}")
+            raise typer.BadParameter(f"{answer!r} is not {kind} from {least:g} to {most:g}")
         return value
 
     return float(typer.prompt(asked, f"{default:g}", value_proc=read, err=True))

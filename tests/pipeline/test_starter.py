@@ -63,7 +63,7 @@ def test_instances_are_found_once_for_all_edits_that_are_tried(
     rgb[:, 8:16, 8:16] = (200, 30, 30)
     episode = rpaug.Episode.from_arrays(rgb)
     looked, find = [], prepare.find
-    monkeypatch.setattr(prepare, "find", lambda *given: looked.append(0) or find(*given))
+    monkeypatch.setattr(prepare, "find", lambda *given: looked.append(0) or find(*given))  # type: ignore[func-returns-value]
     written(episode, inspect.inspect(episode)[0])
     assert len(looked) == 1
 
@@ -156,7 +156,7 @@ def test_a_person_says_which_edits_and_how_often(tmp_path: Path) -> None:
     done, out = asked(tmp_path, shares, "sample", "--json")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout[done.stdout.index("{") :])["recipe"] == str(out)
-    assert "'often' is no number from 0 to 1" in done.stderr
+    assert "'often' is not a number from 0 to 1" in done.output
     made = recipe.load(out)
     assert made.copies == 3
     assert [(step.options[0].name, step.probability) for step in made.steps] == [
