@@ -3,7 +3,8 @@
 import json
 import shutil
 import sys
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from tempfile import TemporaryFile
 from typing import Any, TextIO
@@ -22,6 +23,7 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
 
     check(run, resume)
     planned, failed, known, alike = 0, dict[str, str](), list[str](), _Alike()
+    warned = Counter[str]()
     total = {"seconds": plan.SECONDS_START, "megabytes": 0.0}
     with TemporaryFile("w+") as plans:
         for at, key in enumerate(run.keys):
@@ -41,6 +43,7 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
             if as_json:
                 plans.write(f"{',' if planned > 1 else ''}\n{json.dumps(one)}")
             else:
+                warned.update(map(_apart, made.warnings))
                 regions = [str(region) for region in made.regions if region.met is not None]
                 if alike.shown(one, regions):
                     known = _tell(one, regions, known)
@@ -50,6 +53,9 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     if not as_json:
         for first, more in alike.folded():
             say(f"{first}: and {counted(more, 'other episode')} alike (--json lists all)")
+        for line, times in warned.items():
+            if times > 1:
+                warn("warning", f"in {times} of {counted(planned, 'episode')}: {line}")
         _sum_up(planned * len(run.copies), failed, rounded, run.linked)
     return 2 if not planned else 1 if failed else 0
 
@@ -79,16 +85,34 @@ def _tell(one: Mapping[str, Any], regions: list[str], known: list[str]) -> list[
     bodies = "bodies tracked" if one["bodies"] else "bodies not needed"
     about = "about {seconds:.1f} s, {megabytes:.1f} MB".format(**one["estimate"])
     say(f"{one['episode']}: {one['frames']} frames; at most {representations}; {bodies}; {about}")
-    assumed, warnings = list(one.get("assumed", [])), list(one.get("warnings", []))
+    said = {
+        kind: _of_several(one.get(kind, ()), list(one["carriers"]))
+        for kind in ("assumed", "warnings")
+    }
     for line in regions:
         say(f"  {line}")
-    for line in assumed:
+    for line in said["assumed"]:
         if line not in known:
             say(f"  {line}")
-    for line in warnings:
-        if line not in known:
+    for line in said["warnings"]:
+        if _apart(line) not in known:
             warn("  warning", line)
-    return [*assumed, *warnings]
+    return [*said["assumed"], *map(_apart, said["warnings"])]
+
+
+def _of_several(lines: Iterable[str], cameras: Collection[str]) -> list[str]:
+    """What is said of several cameras in the same words, once for all of them."""
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        camera, _, words = line.partition(": ")
+        known = camera in cameras
+        found.setdefault(words if known else line, []).extend([camera] * known)
+    return [f"{', '.join(of)}: {words}" if of else words for words, of in found.items()]
+
+
+def _apart(warning: str) -> str:
+    """A warning without what there is instead, which differs between episodes of which the same is said."""
+    return warning.partition("; there is: ")[0]
 
 
 def _sum_up(

@@ -5,6 +5,7 @@ import os
 import shutil
 import sys
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,8 +13,9 @@ import pytest
 from runs import GROUP
 from test_cli import run
 
+import rpaug
 from rpaug.cli import dry_run
-from rpaug.pipeline import augment, recipe
+from rpaug.pipeline import augment, plan, prepare, recipe
 from tools.bench import dry_run as bench
 
 RECIPE = "version: 1\nedits:\n  - {op: light_color}\n"
@@ -52,6 +54,34 @@ def test_what_is_assumed_of_one_episode_after_the_other_is_said_once(
         known = dry_run._tell(one, [], known)
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert [line.split(":")[0] for line in lines] == ["a", "a level support", "77 px", "b", "80 px"]
+
+
+def test_what_is_said_of_several_cameras_is_said_once() -> None:
+    lines = ["front: 77 px", "side: 77 px", "side: dark", "a table: seen"]
+    assert dry_run._of_several(lines, ["front", "side"]) == [
+        "front, side: 77 px", "side: dark", "a table: seen",
+    ]  # fmt: skip
+
+
+def test_a_warning_of_several_episodes_is_counted_at_the_end(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    warning = (
+        "recolor: no such thing; there is: 1 (red)",
+        "recolor: no such thing; there is: 2 (tan)",
+    )
+
+    def planned(episode: rpaug.Episode, *rest: object) -> plan.Plan:
+        made = plan.make([], episode)
+        return replace(made, warnings=(warning[int(episode.key[-1])],))
+
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    monkeypatch.setattr(prepare, "planned", planned)
+    given = ("augment", dataset, "--recipe", tmp_path / "r.yaml", "--out", tmp_path / "out")
+    code, _, err = run(*given, "--dry-run")
+    assert code == 0
+    assert err.count("no such thing") == 2
+    assert "in 2 of 2 episodes: recolor: no such thing\n" in err
 
 
 def test_episodes_of_which_the_same_is_said_are_folded(dataset: Path, tmp_path: Path) -> None:

@@ -528,7 +528,11 @@ def _list(rows: Iterable[InstanceSummary]) -> str:
 def _there_is(rows: Sequence[InstanceSummary], scene: Scene) -> str:
     by_color = agreement.photographed(scene) and not scene.names
     models = f"{BY_WORDS}; " if by_color else ""
-    return f"{models}there is: {_list(rows)}" if rows else "there is no instance at all"
+    if not rows:
+        return "there is no instance at all"
+    more = f"; and {len(rows) - LISTED} more, by `rpaug inspect`" if len(rows) > LISTED else ""
+    return f"{models}there is: {_list(rows[:LISTED])}{more}"
 
 
+LISTED = 16  # instances that a refusal names: a table of masks has fewer, patches of color are more
 BY_WORDS = "a detector, or outlines that you draw, tell things by words: --models text=NAME, or text=outlines:FILE"
