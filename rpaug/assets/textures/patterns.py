@@ -95,15 +95,16 @@ def _nearest(
     owner, gaps = np.zeros(y.shape, np.int64), np.zeros(y.shape)
     for r in range(y.shape[0]):
         for c in range(y.shape[1]):
-            first, second = np.inf, np.inf
+            first, second = np.inf, np.inf  # squared
             for n in range(len(spots)):
-                dy, dx = abs(y[r, c] - spots[n, 0]) % SIDE, abs(x[r, c] - spots[n, 1]) % SIDE
-                away = np.hypot(min(dy, SIDE - dy), min(dx, SIDE - dx))
+                dy, dx = abs(y[r, c] - spots[n, 0]), abs(x[r, c] - spots[n, 1])
+                dy, dx = min(dy, abs(SIDE - dy)), min(dx, abs(SIDE - dx))
+                away = dy * dy + dx * dx
                 if away < first:
                     owner[r, c], first, second = n, away, first
                 elif away < second:
                     second = away
-            gaps[r, c] = second - first
+            gaps[r, c] = np.sqrt(second) - np.sqrt(first)
     return owner, gaps
 
 
