@@ -69,4 +69,4 @@ def test_cells_belong_to_the_nearest_of_their_spots() -> None:
     first, second = np.moveaxis(np.sort(away, -1)[..., :2], -1, 0)
     owner, gaps = patterns._nearest(y, x, spots)
     assert np.array_equal(owner, away.argmin(-1))
-    assert np.array_equal(gaps, second - first)
+    assert np.allclose(gaps, second - first, atol=1e-9)
