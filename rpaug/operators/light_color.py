@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 from pydantic import Field
 
 from rpaug.core.errors import Unsupported
@@ -13,7 +13,12 @@ from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Relit, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Unit
 from rpaug.operators.shadows import NONE
-from rpaug.scene.lighting import light, rig, shadows
+from rpaug.scene.lighting import black_body, light, rig, shadows
+
+COLOSSEUM: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+Kelvin = Annotated[float, Field(ge=black_body.COLDEST, le=black_body.HOTTEST)]
+Times = Annotated[float, Field(gt=0, le=4)]
+MIRED = 1e6  # over kelvin
 
 
 @dataclass(frozen=True)
@@ -46,19 +51,25 @@ class Gain:
 
 @dataclass(frozen=True, kw_only=True)
 class LightColor(Operator):
-    """Draw the lamps' color uniformly from `range` and scale every pixel by new over recorded.
+    """Draw the lamps' color and scale every pixel by new over recorded.
+
+    It is drawn uniformly from `range`, or as lamps and daylight are: a black body of a `temperature` in kelvin, drawn
+    evenly in mired (10^6 / K, in which equal steps look about equal), `brightness` times as bright as recorded.
+    Brightness without a temperature keeps the recorded tint.
 
     `recorded` is the color the episode was lit with, in the same unit: COLOSSEUM's lamps have (0.5, 0.5, 0.5), and
     `estimate` keeps that brightness and reads the chromaticity off grey surfaces. `ambient` is the share of the
     recorded light that does not come from the lamps and stays. One draw for all cameras and frames. A renderer's sky
-    stays as it was. Photographs were exposed for the light that there was: what is drawn from a range is brighter than
-    that as often as darker, up to where white would be cut off.
+    stays as it was. Photographs were exposed for the light that there was: what is drawn from `range` is brighter than
+    that as often as darker. In them, and of lamps that are drawn, no more than up to where white would be cut off.
 
     `lamp` colors one lamp of those that moving shadows tell, by its number (1 is the strongest), the `strongest`, or
     `all` of them without the ambient light: each pixel's share of that light changes. Refused where they are not told.
     """
 
-    range: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
+    range: tuple[RGB, RGB] = COLOSSEUM
+    temperature: tuple[Kelvin, Kelvin] | None = None
+    brightness: tuple[Times, Times] | None = None
     recorded: RGB | Literal["estimate"] = "estimate"
     ambient: Unit = 0.0
     lamp: Annotated[int, Field(ge=1, le=rig.MOST_LAMPS)] | Literal["strongest", "all"] | None = None
@@ -100,21 +111,40 @@ class LightColor(Operator):
     def __post_init__(self) -> None:
         if any(low > high for low, high in zip(*self.range, strict=True)):
             raise ValueError(f"range: low {self.range[0]} exceeds high {self.range[1]}")
+        for name in ("temperature", "brightness"):
+            low, high = getattr(self, name) or (0, 0)
+            if low > high:
+                raise ValueError(f"{name}: low {low:g} exceeds high {high:g}")
+        if self._natural and self.range != COLOSSEUM:
+            raise ValueError(
+                "range: it says all of a color; leave out either it or `temperature` and `brightness`"
+            )
         if self.recorded != "estimate" and min(self.recorded) <= 0:
             raise ValueError("recorded: each channel must exceed 0, or no gain could be told")
         if self.lamp is not None and self.ambient:
             raise ValueError("ambient: a lamp has none; leave out either it or `lamp`")
 
+    @property
+    def _natural(self) -> bool:
+        return self.temperature is not None or self.brightness is not None
+
+    @property
+    def _drawn(self) -> bool:
+        """Whether it is drawn at all; one exact color is as it is asked for, even where white is cut off."""
+        ranges = (self.temperature, self.brightness) if self._natural else (self.range,)
+        return any(one is not None and one[0] != one[1] for one in ranges)
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
-        color = rng.uniform(*np.array(self.range))
         recorded = (
             light.estimate(scene.episode)
             if self.recorded == "estimate"
             else np.array(self.recorded)
         )
+        color = self._lamp(recorded, rng) if self._natural else rng.uniform(*np.array(self.range))
         exposed = any(view.proxy is not None for view in scene.episode.views.values())
-        if exposed and self.range[0] != self.range[1]:
+        if exposed and not self._natural and self._drawn:
             color = color * light.LAMP / np.mean(self.range)
+        if (exposed or self._natural) and self._drawn:
             color = color * min(1.0, light.headroom(scene.episode) / np.max(color / recorded))
         gain = self.ambient + (1 - self.ambient) * color / recorded
         edit = {
@@ -124,6 +154,16 @@ class LightColor(Operator):
             "unlit": list(light.unlit(scene.episode)),
         }
         return edit if self.lamp is None else edit | self._chosen(scene, self.lamp)
+
+    def _lamp(
+        self, recorded: Float64[np.ndarray, "3"], rng: np.random.Generator
+    ) -> Float64[np.ndarray, "3"]:
+        """A black body's color, or the recorded one, so many times as bright as recorded."""
+        tint = recorded / recorded.mean()
+        if self.temperature is not None:
+            coldest, hottest = self.temperature
+            tint = black_body.hue(MIRED / rng.uniform(MIRED / hottest, MIRED / coldest))
+        return np.asarray(recorded.mean() * tint * rng.uniform(*(self.brightness or (1.0, 1.0))))
 
     def _chosen(self, scene: Scene, lamp: int | str) -> Edit:
         """All lamps as they were recorded and are now, and the indices of those that are colored."""

@@ -35,8 +35,8 @@ CANDIDATES = (
         "{op: distractors, count: 2, probability: 0.5}",
     ),
     (
-        "lamps of other tints, dimmer and brighter, never near darkness",
-        "{op: light_color, range: [[0.36, 0.36, 0.33], [0.5, 0.5, 0.5]], probability: 0.5}",
+        "warmer and cooler, dimmer and brighter lamps, whites not cut off",
+        "{op: light_color, temperature: [3800, 8000], brightness: [0.7, 1.2], probability: 0.5}",
     ),
     (
         "cameras bumped by up to 3 cm and 1.7 degrees",

@@ -10,6 +10,7 @@ from rpaug import Scene
 from rpaug.operators.light_color import LightColor
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.build import build
+from rpaug.scene.lighting import black_body
 
 
 def small() -> Scene:
@@ -32,6 +33,52 @@ def test_the_gain_is_new_over_recorded_plus_what_stays() -> None:
     )
     edit = operator.sample(small(), np.random.default_rng(0))
     assert np.allclose(edit["gain"], [0.75, 0.8, 0.9])
+
+
+def test_a_lamp_is_as_warm_and_as_bright_as_asked() -> None:
+    gray = (0.5, 0.5, 0.5)
+    operator = LightColor(temperature=(2700, 3500), brightness=(0.6, 0.8), recorded=gray)
+    gains = np.array(
+        [operator.sample(small(), np.random.default_rng(n))["gain"] for n in range(20)]
+    )
+    least, most = gains.mean(1).min(), gains.mean(1).max()
+    assert 0.6 <= least < 0.65 < 0.75 < most <= 0.8
+    red, blue = gains[:, 0] / gains[:, 1], gains[:, 2] / gains[:, 1]
+    warmest, coolest = black_body.hue(2700), black_body.hue(3500)
+    assert (red > coolest[0] / coolest[1] - 1e-9).all()
+    assert (red < warmest[0] / warmest[1] + 1e-9).all()
+    assert (blue < 0.8).all()
+
+
+def test_a_drawn_lamp_cuts_no_white_off_and_an_exact_one_may() -> None:
+    drawn = LightColor(temperature=(3500, 9000), brightness=(2.0, 4.0))
+    recorded = small()
+    for seed in range(5):
+        edit = drawn.sample(recorded, np.random.default_rng(seed))
+        for view in recorded.episode.views.values():
+            brightest = np.quantile(view.rgb(0).max(-1), 0.99)
+            assert max(edit["gain"]) * brightest <= 256
+    exact = LightColor(brightness=(3.0, 3.0)).sample(recorded, np.random.default_rng(0))
+    assert np.allclose(exact["gain"], 3)
+
+
+def test_brightness_alone_keeps_the_tint() -> None:
+    operator = LightColor(brightness=(0.5, 0.5), recorded=(0.5, 0.4, 0.3))
+    assert np.allclose(operator.sample(small(), np.random.default_rng(0))["gain"], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"temperature": (5000, 3000)}, "low 5000 exceeds high 3000"),
+        ({"temperature": (0.3, 0.5)}, "greater than or equal to 1667"),
+        ({"brightness": (1.0, 0.5)}, "low 1 exceeds high 0.5"),
+        ({"brightness": (0.5, 1.0), "range": ((0.1,) * 3, (0.2,) * 3)}, "leave out either"),
+    ],
+)
+def test_light_that_no_lamp_has_is_refused(fields: dict[str, object], why: str) -> None:
+    with pytest.raises(ValidationError, match=why):
+        TypeAdapter(LightColor).validate_python(fields)
 
 
 def test_every_pixel_of_every_camera_is_scaled() -> None:
