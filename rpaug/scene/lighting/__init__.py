@@ -3,6 +3,7 @@
 __all__ = [
     "albedo",
     "ambience",
+    "black_body",
     "casting",
     "gamut",
     "grain",
