@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpaug.core import geometry
+from rpaug.core import geometry, progress
 from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.core.files import PART
 from rpaug.pages.space import Space
@@ -29,6 +29,7 @@ def write(space: Space, path: Path, most: int = MOST_POINTS) -> int:
         stream.save(part)
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for t in range(space.length):
+            progress.told(space.title, "writing frames", t, space.length)
             stream.set_time(TIMELINE, sequence=t)
             _frame(rr, stream, space, t, most)
         stream.flush()

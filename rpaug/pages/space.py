@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from jaxtyping import Float32, Float64, Int, UInt8
 
-from rpaug.core import geometry
+from rpaug.core import geometry, progress
 from rpaug.core.types import Body, Episode, Gaussians
 from rpaug.pages.session import Session, added_ids
 from rpaug.pipeline.recipe import Recipe
@@ -121,9 +121,12 @@ class Space:
 def of_episode(root: Path, key: str | None, recipe: Recipe | None, copy: int) -> Space:
     """An episode as recorded, or as copy number `copy` of a recipe has it. Raises RpaugError."""
     session = Session(root, key)
-    title, names = PurePosixPath(session.episode.key).name, session.names
+    title = PurePosixPath(session.episode.key).name
+    progress.told(title, "finding what is in the scene")
+    names = session.names
     if recipe is None:
         return Space(title, session.episode.length, session.found[2], names)
+    progress.told(title, "making the copy")
     made = session.made(recipe, copy, judged=False)
     new = {one: (f"new {one}", (230, 60, 200)) for one in sorted(added_ids(made))}
     return Space(
@@ -147,6 +150,7 @@ def of_store(folder: Path, start: str | None) -> Space:
     from rpaug.gaussians import gaussians, store  # only here: they bring zarr
 
     name = store.named(folder, start or store.names(folder)[0])
+    progress.told(name, "reading")
     found = store.load(folder, name)
     assert found is not None
     length = len(found.bodies[0].to_world) if found.bodies else 1
