@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH ?= torch==2.13.0
 BIN := $(VENV)/bin
 
-.PHONY: demo test check unit wheel docs test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
+.PHONY: demo test check unit wheel interpreters docs test-gpu readers test-readers test-tfds test-lerobot test-llm test-ray clean
 .DEFAULT_GOAL := test
 
 # The path file is for a Python that starts in the folder that holds the clone: it would take that for the package.
@@ -34,6 +34,10 @@ unit: $(VENV)/.installed
 
 wheel: $(VENV)/.installed
 	$(BIN)/python tools/check_wheel.py
+
+# Uses the wheel under the other Pythons that are meant and found; says which are not.
+interpreters: $(VENV)/.installed
+	TORCH="$(TORCH)" $(BIN)/python tools/check_interpreters.py
 
 # The documents' site, with search: python -m http.server --directory build/site
 docs: $(VENV)/.installed

@@ -1,7 +1,7 @@
 """The examples run: as they stand on the sample, or beside stand-ins for the datasets of other people.
 
-Those for Slurm and Ray run in tests/cli/test_cli.py and tests/pipeline/test_cluster.py, the operator in
-tests/pipeline/test_third_party.py.
+Those for Slurm and Ray run in tests/cli/test_cli.py and tests/pipeline/test_cluster.py, the packages in
+tests/pipeline/test_third_party.py and test_third_party_packages.py.
 """
 
 import json
@@ -22,7 +22,7 @@ from rpaug.cli import app
 
 pytestmark = pytest.mark.usefixtures("tracked_once")
 FOLDER = Path(__file__).parent.parent / "examples"
-RUN_ELSEWHERE = {"slurm_array.sh", "slurm_ray.sh", "ray_job.sh", "glow"}
+RUN_ELSEWHERE = {"slurm_array.sh", "slurm_ray.sh", "ray_job.sh", "glow", "frames", "pull_push"}
 NAME = "observation.images.front"
 DARK = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.2, 0.2, 0.2]]}
 KEYS = [f"roll_ball/all_variations/episodes/episode{n}" for n in range(2)]

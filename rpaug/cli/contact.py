@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rpaug.cli.console import AsJson, print_json, say, write_new
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import BadInput
 
 
@@ -34,7 +35,8 @@ def contact(
         expected = "the --out of a run of rpaug"
         raise BadInput(out / journal.NAME, "--out", found="no run of rpaug here", expected=expected)
     adapter = registry.adapter(begun["begun"]["layout"])
-    made, most = pages.page(adapter, against or Path(begun["dataset"]), out, page)
+    with progress_bar("drawing", as_json) as progress:
+        made, most = pages.page(adapter, against or Path(begun["dataset"]), out, page, progress)
     write_new(html, made)
     if as_json:
         print_json({"page": page, "pages": most, "html": str(html)})

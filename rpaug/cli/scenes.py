@@ -1,12 +1,17 @@
 """`rpaug scenes`: what a store of fitted scenes holds, taking some out of it, and export for viewers."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rpaug.cli.console import AsJson, print_json, say
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import BadInput, RpaugError
+
+if TYPE_CHECKING:
+    from rpaug.core.types import Gaussians
 
 Store = Annotated[
     Path, typer.Argument(help="Folder of a store: `rpaug fit --out`.", show_default=False)
@@ -25,26 +30,12 @@ def ls(
     """
     from rpaug.gaussians import store as stored
 
+    names = stored.names(store)
     rows: list[dict[str, Any]] = []
-    for name in stored.names(store):
-        try:
-            facts = stored.described(store, name)
-            if check:
-                stored.load(store, name)
-        except BadInput as error:
-            rows.append({"key": name, "damaged": str(error)})
-            continue
-        report = facts["report"]
-        rows.append(
-            {
-                "key": name,
-                "gaussians": facts["gaussians"],
-                "bodies": len(facts["bodies"]),
-                "decibels": report.get("held_out_db") or report.get("train_db"),
-                "megabytes": round(facts["bytes"] / 1e6, 2),
-                "lender": facts.get("borrowed", {}).get("lender"),
-            }
-        )
+    with progress_bar("reading", as_json) as progress:
+        for name in names:
+            progress(len(rows), len(names))
+            rows.append(_facts(store, name, check))
     if as_json:
         print_json(rows)
     else:
@@ -52,6 +43,26 @@ def ls(
             say(_line(row))
         say(f"{len(rows)} scenes in {store}")
     return 1 if any("damaged" in row for row in rows) else 0
+
+
+def _facts(store: Path, name: str, check: bool) -> dict[str, Any]:
+    from rpaug.gaussians import store as stored
+
+    try:
+        facts = stored.described(store, name)
+        if check:
+            stored.load(store, name)
+    except BadInput as error:
+        return {"key": name, "damaged": str(error)}
+    report = facts["report"]
+    return {
+        "key": name,
+        "gaussians": facts["gaussians"],
+        "bodies": len(facts["bodies"]),
+        "decibels": report.get("held_out_db") or report.get("train_db"),
+        "megabytes": round(facts["bytes"] / 1e6, 2),
+        "lender": facts.get("borrowed", {}).get("lender"),
+    }
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -111,9 +122,27 @@ def export(
 
     Example: [bold]rpaug scenes export scenes 3fa2 drawer.ply --frame 40[/]
     """
+    from rpaug.gaussians import gaussian_files
+
+    with progress_bar("exporting", as_json) as progress:
+        progress(0, 2)  # reading, then writing
+        placed = _placed(store, key, frame, instance_id or ())
+        progress(1, 2)
+        gaussian_files.write(out, placed)
+        progress(2, 2)
+    described = {"file": str(out), "gaussians": len(placed), "frame": frame}
+    if as_json:
+        print_json(described)
+    else:
+        say(f"{len(placed)} Gaussians in {out}")
+    return 0
+
+
+def _placed(store: Path, key: str, frame: int, instance_ids: Sequence[int]) -> "Gaussians":
+    """The Gaussians of a stored scene at a frame, of these instances alone where some are named. Raises RpaugError."""
     import numpy as np
 
-    from rpaug.gaussians import gaussian_files, gaussians
+    from rpaug.gaussians import gaussians
     from rpaug.gaussians import store as stored
 
     found = stored.load(store, stored.named(store, key))
@@ -122,16 +151,10 @@ def export(
     if frame >= length:
         raise RpaugError(f"--frame {frame}: this scene has frames 0 to {length - 1}")
     placed = gaussians.standing_at(found.gaussians, found.bodies, frame, found.irradiance)
-    if instance_id:
-        missing = set(instance_id) - set(np.unique(placed.ids).tolist())
-        if missing:
-            known = ", ".join(map(str, np.unique(placed.ids).tolist()))
-            raise RpaugError(f"no Gaussian has instance id {sorted(missing)}; there are: {known}")
-        placed = gaussians.chosen(placed, np.isin(placed.ids, instance_id))
-    gaussian_files.write(out, placed)
-    described = {"file": str(out), "gaussians": len(placed), "frame": frame}
-    if as_json:
-        print_json(described)
-    else:
-        say(f"{len(placed)} Gaussians in {out}")
-    return 0
+    if not instance_ids:
+        return placed
+    missing = set(instance_ids) - set(np.unique(placed.ids).tolist())
+    if missing:
+        known = ", ".join(map(str, np.unique(placed.ids).tolist()))
+        raise RpaugError(f"no Gaussian has instance id {sorted(missing)}; there are: {known}")
+    return gaussians.chosen(placed, np.isin(placed.ids, list(instance_ids)))

@@ -57,7 +57,8 @@ def record(
     look = twin.Look(
         antialias=antialias, specular=specular, shadows=shadows, lamps=twin.RIG[:lamps]
     )
-    with progress_bar("recording", as_json):
+    with progress_bar("recording", as_json) as progress:
+        progress(0, episodes)
         takes = twin.record(
             task,
             seed,

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rpaug.cli.console import AsJson, Dataset, EpisodeKey, print_json, say
+from rpaug.cli.progress import progress_bar
 
 
 def view(
@@ -30,22 +31,23 @@ def view(
 
     Example: [bold]rpaug view sample --recipe demo[/]
     """
-    from rpaug.pages import live, rerun_file, space
+    from rpaug.pages import rerun_file, solid, space
     from rpaug.pipeline import inputs
 
-    if space.is_store(dataset):
-        shown = space.of_store(dataset, episode)
-    else:
-        drawn = inputs.recipe(recipe, set_ or []) if recipe else None
-        shown = space.of_episode(dataset, episode, drawn, copy)
+    drawn = inputs.recipe(recipe, set_ or []) if recipe else None
+    with progress_bar("looking", as_json):
+        if space.is_store(dataset):
+            shown = space.of_store(dataset, episode)
+        else:
+            shown = space.of_episode(dataset, episode, drawn, copy)
+        frames = rerun_file.write(shown, rerun) if rerun is not None else 0
     if rerun is not None:
-        frames = rerun_file.write(shown, rerun)
         if as_json:
             print_json({"rerun": str(rerun), "frames": frames})
         else:
             say(f"{frames} frames in {rerun}; `rerun {rerun}` opens it")
         return 0
-    with live.LiveView(shown, port) as running:
+    with solid.SolidView(shown, port) as running:
         say(f"{running.url} shows {shown.title}; Ctrl-C ends it")
         running.server.sleep_forever()
     return 0

@@ -1,9 +1,11 @@
-"""Adapters and operators by name, found through entry points: ours and anyone's alike."""
+"""Adapters, operators and ways to paint by name, found through entry points: ours and anyone's alike."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+
+import numpy as np
 
 from rpaug.core.errors import BadInput, RpaugError, there_are
 from rpaug.core.interfaces import Adapter, Operator
@@ -64,6 +66,16 @@ def _whole(root: Path, every: list[Adapter]) -> None:
         if (path := one.missing(root)) is not None:
             expected = f"a whole {one.name} dataset: its other files are there"
             raise BadInput(path, "file", found="nothing", expected=expected)
+
+
+def painters() -> list[str]:
+    """Names of the ways to paint that packages bring: functions of an image and its hole."""
+    return list(_found("rpaug.inpaint"))
+
+
+def painter(name: str) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """The way to paint called `name`, one of `painters`."""
+    return _found("rpaug.inpaint")[name].load()
 
 
 def adapter_for(root: Path) -> Adapter:

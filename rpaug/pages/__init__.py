@@ -9,6 +9,7 @@ __all__ = [
     "preview",
     "rerun_file",
     "serve",
+    "solid",
     "space",
     "told",
 ]

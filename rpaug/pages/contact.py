@@ -80,15 +80,24 @@ def _where_others_are(keys: Sequence[str], picked: Mapping[str, Any]) -> str:
     )
 
 
-def page(adapter: Adapter, source: Path, target: Path, number: int) -> tuple[bytes, int]:
-    """One page of all episodes of an output, counted from 1, and how many there are. Raises BadInput where there is no
-    such page."""
+def page(
+    adapter: Adapter,
+    source: Path,
+    target: Path,
+    number: int,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[bytes, int]:
+    """One page of all episodes of an output, counted from 1, and how many there are. `progress` is called with the
+    episodes that are drawn, and all. Raises BadInput where there is no such page."""
     keys = _keys(adapter, target)
     most, first = _pages(keys), (number - 1) * ON_A_PAGE
     if not 1 <= number <= most:
         raise BadInput(target, "--page", found=number, expected=f"a page from 1 to {most}")
-    read, parts = _recorded(adapter, source), []
-    for key in keys[first : first + ON_A_PAGE]:
+    read = _recorded(adapter, source)
+    parts: list[str] = []
+    shown = keys[first : first + ON_A_PAGE]
+    for key in shown:
+        progress(len(parts), len(shown))
         one = report.of(target / key)
         if one is None or not one["synthetic"]:
             parts.append(

@@ -1,28 +1,48 @@
 """What a viewer shows at each frame: where seen pixels lie, where cameras stand, what was put in, fitted Gaussians."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, UInt8
+from jaxtyping import Bool, Float32, Float64, Int, UInt8
 
-from rpaug.core import geometry
-from rpaug.core.types import Body, Episode, Gaussians
+from rpaug.core import geometry, progress
+from rpaug.core.types import Body, CameraView, Episode, Gaussians, Mesh
 from rpaug.pages.session import Session, added_ids
 from rpaug.pipeline.recipe import Recipe
+from rpaug.scene import sampled_frames
 
 RGB = tuple[int, int, int]
 UNNAMED: RGB = (90, 90, 90)
+REST = "rest"  # what has no name
+ROBOT = "robot"
+SPREAD = 0.6  # a disc's deviation over the distance to the next one: together they close
+THIN = 0.02  # a disc's thickness over its deviation
+GRAZING = 0.3  # the least cosine by which a disc is widened
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Seen pixels of all cameras at one frame: metres in the world, their colors, and instance ids (0: none)."""
+    """Seen pixels of all cameras at one frame as discs: metres in the world, colors, instance ids (0: none), and which
+    way each faces. `radii` are standard deviations, so that neighbours close."""
 
     points: Float32[np.ndarray, "n 3"]
     colors: UInt8[np.ndarray, "n 3"]
     ids: Int[np.ndarray, "n"]
+    normals: Float32[np.ndarray, "n 3"]
+    radii: Float32[np.ndarray, "n"]
+
+    def of(self, keep: Bool[np.ndarray, "n"]) -> "Cloud":
+        """Those rows alone."""
+        return Cloud(*(getattr(self, one.name)[keep] for one in fields(self)))
+
+    @property
+    def covariances(self) -> Float32[np.ndarray, "n 3 3"]:
+        """Flat Gaussians that show the discs, in square metres."""
+        across = self.normals[:, :, None] * self.normals[:, None, :]
+        flat = np.eye(3, dtype=np.float32) - (1 - THIN**2) * across
+        return (self.radii[:, None, None] ** 2 * flat).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -37,11 +57,27 @@ class PlacedSplats:
 
 @dataclass(frozen=True)
 class MeshInPlace:
-    """What an edit put in, at one frame: its corners in the world, in metres, and its triangles."""
+    """What an edit put in, at one frame: `to_world` carries its mesh, which is `scale` times as large, into the world.
+
+    Where it is not `solid` its Gaussians are what is seen of it, and the mesh only says how far it reaches.
+    """
 
     name: str
-    vertices: Float64[np.ndarray, "n 3"]
-    faces: Int[np.ndarray, "m 3"]
+    instance_ids: frozenset[int]
+    mesh: Mesh
+    to_world: Float64[np.ndarray, "4 4"]
+    scale: float
+    solid: bool
+
+    @property
+    def vertices(self) -> Float64[np.ndarray, "n 3"]:
+        """Its corners in the world, in metres."""
+        return geometry.transform(self.to_world, self.scale * self.mesh.points)
+
+    @property
+    def faces(self) -> Int[np.ndarray, "m 3"]:
+        """Its triangles."""
+        return self.mesh.faces
 
 
 @dataclass(frozen=True)
@@ -65,20 +101,24 @@ class Space:
         deep = [view for view in seen.values() if view.depth is not None]
         pixels = sum(view.camera.width * view.camera.height for view in deep)
         stride = max(1, int(np.ceil(np.sqrt(pixels / most)))) if pixels else 1
-        points, colors, ids = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)], [np.zeros(0, int)]
-        for view in deep:
-            assert view.depth is not None
-            depth = np.asarray(view.depth(t), np.float64)
-            known = np.zeros(depth.shape, bool)
-            known[::stride, ::stride] = True
-            known &= np.isfinite(depth) & (depth > 0)
-            placed = geometry.world_points(np.where(known, depth, 0.0), view.camera, t)
-            points.append(placed[known])
-            colors.append(view.rgb(t)[known])
-            ids.append(view.ids(t)[known] if view.ids else np.zeros(int(known.sum()), int))
+        parts = [NOTHING, *(_discs(view, t, stride) for view in deep)]
         return Cloud(
-            np.concatenate(points).astype(np.float32), np.concatenate(colors), np.concatenate(ids)
+            *(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(Cloud))
         )
+
+    def entities(self) -> dict[str, tuple[frozenset[int], RGB]]:
+        """By name, as roles and colors give it: the instance ids that have it (all links of a robot do), and the color
+        that stands for it."""
+        found: dict[str, tuple[frozenset[int], RGB]] = {}
+        for one, (name, color) in (self.names or {}).items():
+            found[name] = found.get(name, (frozenset(), color))[0] | {one}, color
+        return found
+
+    def apart(self, cloud: Cloud) -> dict[str, Cloud]:
+        """The cloud by name, in the order of `entities`; `rest` is what has none."""
+        named = {name: np.isin(cloud.ids, list(ids)) for name, (ids, _) in self.entities().items()}
+        named[REST] = ~np.any([*named.values(), np.zeros(len(cloud.ids), bool)], axis=0)
+        return {name: cloud.of(keep) for name, keep in named.items()}
 
     def by_instance(self, ids: Int[np.ndarray, "n"]) -> UInt8[np.ndarray, "n 3"]:
         """The color that stands for each instance."""
@@ -92,8 +132,11 @@ class Space:
         return [
             MeshInPlace(
                 f"new {min(body.instance_ids)}",
-                geometry.transform(body.to_world[t], body.scale * body.mesh.points),
-                body.mesh.faces,
+                body.instance_ids,
+                body.mesh,
+                body.to_world[t],
+                body.scale,
+                solid=body.splats is None and body.soft is None,
             )
             for body in self.bodies
             if body.mesh is not None
@@ -118,12 +161,40 @@ class Space:
         )
 
 
+def _discs(view: CameraView, t: int, stride: int) -> Cloud:
+    """Every `stride`-th pixel that has depth. Where its neighbours do not tell how it is turned it faces the camera."""
+    assert view.depth is not None
+    depth = np.asarray(view.depth(t), np.float32)[::stride, ::stride]
+    depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
+    ids = np.zeros(depth.shape, np.int32)
+    if view.ids is not None:
+        ids = np.ascontiguousarray(view.ids(t)[::stride, ::stride], np.int32)
+    pose = view.camera.cam_to_world[t]
+    points, normals = (np.zeros((*depth.shape, 3), np.float32) for _ in range(2))
+    K = np.diag([1 / stride, 1 / stride, 1.0]) @ view.camera.K
+    sampled_frames.lift(depth, ids, K, pose, points, normals)
+    known = depth > 0
+    points, normals = points[known], normals[known]
+    away = (points - pose[:3, 3]).astype(np.float32)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    normals = np.where(normals.any(axis=1, keepdims=True), normals, -away)
+    slant = np.maximum(np.abs((normals * away).sum(1)), GRAZING)
+    radii = SPREAD * depth[known] / np.float32(K[0, 0]) / slant
+    colors = view.rgb(t)[::stride, ::stride][known]
+    return Cloud(points, colors, ids[known], normals, radii.astype(np.float32))
+
+
 def of_episode(root: Path, key: str | None, recipe: Recipe | None, copy: int) -> Space:
     """An episode as recorded, or as copy number `copy` of a recipe has it. Raises RpaugError."""
     session = Session(root, key)
-    title, names = PurePosixPath(session.episode.key).name, session.names
+    title = PurePosixPath(session.episode.key).name
+    progress.told(title, "finding what is in the scene")
+    names = session.names
+    links = (row.instance_id for row in session.found[1] if row.role == ROBOT)
+    names |= {one: (ROBOT, names[one][1]) for one in links}
     if recipe is None:
         return Space(title, session.episode.length, session.found[2], names)
+    progress.told(title, "making the copy")
     made = session.made(recipe, copy, judged=False)
     new = {one: (f"new {one}", (230, 60, 200)) for one in sorted(added_ids(made))}
     return Space(
@@ -133,6 +204,15 @@ def of_episode(root: Path, key: str | None, recipe: Recipe | None, copy: int) ->
         {**names, **new},
         made.scene.bodies,
     )
+
+
+NOTHING = Cloud(
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, 3), np.uint8),
+    np.zeros(0, np.int32),
+    np.zeros((0, 3), np.float32),
+    np.zeros(0, np.float32),
+)
 
 
 def is_store(folder: Path) -> bool:
@@ -147,6 +227,7 @@ def of_store(folder: Path, start: str | None) -> Space:
     from rpaug.gaussians import gaussians, store  # only here: they bring zarr
 
     name = store.named(folder, start or store.names(folder)[0])
+    progress.told(name, "reading")
     found = store.load(folder, name)
     assert found is not None
     length = len(found.bodies[0].to_world) if found.bodies else 1

@@ -1,4 +1,4 @@
-"""Paint the part of an image that nobody saw: OpenCV's ways, or a LaMa network from a TorchScript file."""
+"""Paint the part of an image that nobody saw: OpenCV's ways, a package's, or a LaMa network from a TorchScript file."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
+from rpaug.core import registry
 from rpaug.core.errors import BadInput, RpaugError
 
 LAMA = "lama:"
@@ -23,8 +24,8 @@ def check(method: str) -> None:
             raise BadInput(
                 method.removeprefix(LAMA), "weights", found="nothing", expected="a TorchScript file"
             )
-    elif method not in METHODS:
-        known = ", ".join((*METHODS, f"{LAMA}FILE"))
+    elif method not in (*METHODS, *registry.painters()):
+        known = ", ".join((*METHODS, *registry.painters(), f"{LAMA}FILE"))
         raise RpaugError(f"no inpainting is called {method!r}; there are: {known}")
 
 
@@ -34,14 +35,23 @@ def paint(
     """The image with its hole painted and every other pixel as it was.
 
     `fsr` is frequency-selective reconstruction (Genser et al., PCS 2018), `shiftmap` shift-map editing (Pritch et al.,
-    ICCV 2009), `telea` fast marching (Telea 2004), `lama:FILE` a traced LaMa (Suvorov et al., WACV 2022). Raises
-    RpaugError.
+    ICCV 2009), `telea` fast marching (Telea 2004), `lama:FILE` a traced LaMa (Suvorov et al., WACV 2022); packages add
+    theirs under `rpaug.inpaint`. Raises RpaugError.
     """
     check(method)
     if not hole.any() or hole.all():
         return rgb
-    way = METHODS[method] if method in METHODS else partial(_lama, path=method.removeprefix(LAMA))
-    return np.where(hole[..., None], way(rgb, hole), rgb)
+    painted = _way(method)(rgb, hole)
+    if painted.shape != rgb.shape or painted.dtype != np.uint8:
+        found = f"{painted.dtype} {painted.shape}"
+        raise RpaugError(f"inpaint {method}: gave {found}; expected uint8 {rgb.shape}")
+    return np.where(hole[..., None], painted, rgb)
+
+
+def _way(method: str) -> Paint:
+    if method.startswith(LAMA):
+        return partial(_lama, path=method.removeprefix(LAMA))
+    return METHODS[method] if method in METHODS else registry.painter(method)
 
 
 def _fsr(

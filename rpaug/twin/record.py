@@ -97,9 +97,10 @@ def perform(
         covers=laid(world, new, motion.objects),
         roam=roam,
     )
+    key = f"{task}/all_variations/episodes/episode{episode}"
     made = Episode(
-        key=f"{task}/all_variations/episodes/episode{episode}",
-        views=_views(world, new, motion, shapes, size),
+        key=key,
+        views=_views(key, world, new, motion, shapes, size),
         robot=_robot(motion),
         descriptions=job.descriptions,
         length=motion.length,
@@ -168,7 +169,6 @@ def record(
     adapter = registry.adapter("rlbench")
     takes = []
     for number in range(episodes):
-        progress.told(task, "simulating, episode", number, episodes)
         take = perform(
             task,
             seed,
@@ -181,13 +181,14 @@ def record(
             frames=frames,
             roam=roam,
         )
-        progress.told(take.episode.key, "writing, episode", number, episodes)
         adapter.write(take.episode, Path(out), take.episode.key, take.side)
+        progress.told(take.episode.key, progress.COPY, 1, 1)
         takes.append(replace(take, episode=adapter.read(Path(out), take.episode.key)))
     return takes
 
 
 def _views(
+    key: str,
     world: World,
     look: Look,
     motion: Motion,
@@ -198,6 +199,7 @@ def _views(
     reels = {name: _blank(motion.length, size) for name in rig}
     with closing(Renderer(world, look, size)) as renderer:
         for t in range(motion.length):
+            progress.told(key, "rendering frames", t, motion.length)
             renderer.pose(
                 motion.joint_positions[t],
                 motion.opening[t],

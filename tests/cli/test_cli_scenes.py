@@ -9,7 +9,7 @@ import pytest
 from analytic import scene as analytic_scene
 from typer.testing import CliRunner
 
-from rpaug.cli import app
+from rpaug.cli import app, progress
 from rpaug.core.types import Scene
 from rpaug.gaussians import ply, store
 from rpaug.gaussians.seeds import seeds
@@ -96,3 +96,13 @@ def test_an_export_in_the_way_is_kept(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_text("mine")
     assert run("export", folder, "aaa", tmp_path / "a.ply")[0] == 2
     assert (tmp_path / "a.ply").read_text() == "mine"
+
+
+def test_reading_and_exporting_are_counted(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "EVERY", 0.0)
+    told = CliRunner().invoke(app, ["scenes", "ls", str(folder), "--check"]).stderr
+    assert "reading: 1 of 2; about" in told
+    given = ["scenes", "export", str(folder), "aaa", str(tmp_path / "a.ply")]
+    assert "exporting: 1 of 2; about" in CliRunner().invoke(app, given).stderr

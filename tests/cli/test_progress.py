@@ -92,3 +92,41 @@ def test_nobody_hears_what_is_told_afterwards() -> None:
         progress.told("a", "reading")
     progress.told("a", "reading")
     assert [one["stage"] for one in heard] == ["reading"]
+
+
+def stderr_of(monkeypatch: pytest.MonkeyPatch, *given: object) -> str:
+    """What a command says of its progress where every line is shown."""
+    monkeypatch.setattr(shown, "EVERY", 0.0)
+    done = CliRunner().invoke(app, [*map(str, given)])
+    assert done.exit_code == 0, done.output
+    return done.stderr
+
+
+@pytest.mark.gl
+def test_recording_counts_episodes_and_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = ["--frames", 12, "--size", 16, "--episodes", 2, "--out", tmp_path / "truth"]
+    told = stderr_of(monkeypatch, "twin", "record", "--task", "push_button", *given)
+    assert "rendering frames, 11 of 12" in told
+    assert "recording: 1 of 2; about" in told
+    assert "recording: 2 of 2" in told
+
+
+def test_a_page_counts_its_episodes(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+    out = tmp_path / "out"
+    given = ["augment", template, "--recipe", tmp_path / "recipe.yaml", "--out", out]
+    stderr_of(monkeypatch, *given)
+    told = stderr_of(monkeypatch, "contact", out, "--html", tmp_path / "page.html")
+    assert re.search(r"drawing: 3 of 4; about .* left", told)
+
+
+def test_a_view_says_what_it_does_frame_by_frame(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = stderr_of(monkeypatch, "view", template, "--rerun", tmp_path / "a.rrd")
+    assert "finding what is in the scene" in told
+    assert re.search(r"left; .*writing frames, 7 of 8", told)

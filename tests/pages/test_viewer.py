@@ -1,20 +1,23 @@
 """The viewer: points where surfaces are, Gaussians with their spread, a server that answers, a file that is whole."""
 
-import subprocess
+import io
 import sys
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import viser
+from rerun.chunk import Chunk, RrdReader
 
 from rpaug.core import geometry, registry
 from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.core.types import Gaussians
-from rpaug.pages import live, rerun_file
+from rpaug.pages import live, rerun_file, solid
 from rpaug.pages.space import Space, of_episode
 from rpaug.pipeline import recipe
 
@@ -128,14 +131,112 @@ def test_a_recording_for_rerun_is_whole_and_never_overwritten(
     path = tmp_path / "a.rrd"
     assert rerun_file.write(recorded, path, most=300) == recorded.length
     assert [one.name for one in tmp_path.iterdir()] == ["a.rrd"]
-    command = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(path)]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    for name in ("/world/seen", "/world/cameras/front", "/world/cameras/wrist"):
-        assert name in printed
+    paths = {chunk.entity_path for chunk in RrdReader(path).stream()}
+    named = {f"/world/instances/{name.replace(' ', '_')}" for name in recorded.entities()}
+    assert {"/world/instances/robot", "/world/cameras/front", "/world/cameras/wrist"} < paths
+    assert named < paths
     with pytest.raises(BadInput, match=r"a\.rrd: --rerun: found a file; expected a new one"):
         rerun_file.write(recorded, path)
     with pytest.raises(BadInput, match=r"a\.ply: --rerun: found '\.ply'; expected .*scenes export"):
         rerun_file.write(recorded, tmp_path / "a.ply")
+
+
+def logged(path: Path, entity: str, column: str) -> list[Any]:
+    """What a recording holds of an entity's column, chunk by chunk, as Rerun reads it back."""
+    chunks: list[Chunk] = [c for c in RrdReader(path).stream() if c.entity_path == entity]
+    found = []
+    for chunk in chunks:
+        batch = chunk.to_record_batch()
+        found += [batch[name].to_pylist() for name in batch.schema.names if name == column]
+    return [row for rows in found for row in rows]
+
+
+def test_a_recording_for_rerun_names_roles_and_textures_what_was_put_in(
+    edited: Space, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.rrd"
+    rerun_file.write(edited, path, most=4_000)
+    (context,) = logged(path, "/world", "AnnotationContext:context")
+    classes = {one["class_description"]["info"]["label"]: one["class_id"] for one in context[0]}
+    assert {"robot", "rest"} < set(classes)
+    (mesh,) = edited.meshes(0)
+    place = f"/world/put_in/{mesh.name.replace(' ', '_')}"
+    (corners,) = logged(path, place, "Mesh3D:vertex_positions")
+    np.testing.assert_allclose(corners, mesh.scale * mesh.mesh.points, atol=1e-6)
+    (texture,) = logged(path, place, "Mesh3D:albedo_texture_buffer")
+    assert np.array_equal(np.ravel(texture[0]), mesh.mesh.image.ravel())
+    places = logged(path, place, "Transform3D:translation")
+    assert len(places) == edited.length
+    np.testing.assert_allclose(places[0][0], mesh.to_world[:3, 3], atol=1e-6)
+    ids = logged(path, "/world/instances/robot", "Points3D:class_ids")
+    assert {one for row in ids for one in row or ()} == {classes["robot"]}
+    labels = logged(path, "/world/instances/robot/name", "Points3D:labels")
+    assert labels
+    assert all(row in (["robot"], None, []) for row in labels)
+
+
+def test_discs_lie_flat_on_the_surface_they_show(recorded: Space) -> None:
+    """The table is level: its discs face up, have no height, and reach their neighbours."""
+    cloud = recorded.cloud(0, 20_000)
+    (table,) = (name for name in recorded.entities() if name.startswith("table"))
+    part = recorded.apart(cloud)[table]
+    assert len(part.points) > 500
+    up = np.abs(part.normals[:, 2])
+    assert np.median(up) > 0.999
+    level = part.of(up > 0.999)
+    heights, widths = level.covariances[:, 2, 2], level.covariances[:, 0, 0]
+    assert (heights < 0.05 * widths).all()
+    np.testing.assert_allclose(widths, level.radii**2, rtol=0.02)
+    gaps = [np.sort(((level.points - one) ** 2).sum(1))[1] ** 0.5 for one in level.points[:200]]
+    assert np.median(gaps) < 2 * np.median(level.radii)
+
+
+def test_all_pixels_have_one_name_or_none(recorded: Space) -> None:
+    cloud = recorded.cloud(2, 3_000)
+    parts = recorded.apart(cloud)
+    assert sum(len(part.points) for part in parts.values()) == len(cloud.points)
+    assert [name for name in recorded.entities() if "robot" in name] == ["robot"]  # of many links
+
+
+@pytest.fixture
+def drawn(edited: Space) -> Iterator[solid.SolidView]:
+    with solid.SolidView(edited, 18866, most=20_000) as made:
+        yield made
+
+
+def handle(view: solid.SolidView, name: str) -> Any:
+    return view.server.scene.get_handle_by_name(name)
+
+
+def test_what_was_put_in_is_shown_with_its_texture(drawn: solid.SolidView) -> None:
+    (mesh,) = drawn.space.meshes(0)
+    node = handle(drawn, f"/put in/{mesh.name}")
+    assert node.visible
+    np.testing.assert_allclose(node.position, mesh.to_world[:3, 3], atol=1e-6)
+    assert handle(drawn, f"/instances/{mesh.name}") is None  # no discs within it
+    shown = trimesh.load(io.BytesIO(node.glb_data), file_type="glb", force="mesh")
+    assert np.array_equal(
+        np.asarray(shown.visual.material.baseColorTexture.convert("RGB")), mesh.mesh.image
+    )
+    drawn.toggle(solid.PUT_IN, False)
+    assert not node.visible
+    assert handle(drawn, f"/instances/{mesh.name}") is not None
+
+
+def test_names_are_shown_and_hidden_each_by_itself(drawn: solid.SolidView) -> None:
+    assert handle(drawn, "/names/robot") is None
+    drawn.toggle(solid.LABELS, True)
+    assert handle(drawn, "/names/robot").text == "robot"
+    assert handle(drawn, "/instances/robot") is not None
+    drawn.toggle("robot", False)
+    assert handle(drawn, "/names/robot") is None
+    assert handle(drawn, "/instances/robot") is None
+    drawn.toggle("robot", True)
+    drawn.colored = live.INSTANCE
+    drawn.show(1)
+    color = drawn.space.entities()["robot"][1]
+    colors = handle(drawn, "/instances/robot").rgbs
+    assert (np.asarray(colors) == color).all()
 
 
 def test_a_missing_package_names_its_extra(

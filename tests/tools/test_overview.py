@@ -1,4 +1,4 @@
-"""README's table says what the committed results say, for operators that there are."""
+"""README's table says what the committed results say, for each operator that there is."""
 
 import re
 
@@ -35,11 +35,33 @@ def test_several_rows_have_their_median_and_a_refusal_no_part_in_it() -> None:
 
 
 def test_every_row_is_an_operator_and_what_needs_depth_is_refused_without() -> None:
-    assert set(overview.ROWS) <= set(registry.operator_names())
+    assert set(overview.ROWS) == set(registry.operator_names())
     for name, cells in overview.ROWS.items():
         assert len(cells) == len(overview.COLUMNS)
         if registry.operator(name).needs.depth:
             assert cells[overview.COLUMNS.index("color alone")] == overview.NO
+
+
+def test_every_operator_and_format_stands_in_the_table() -> None:
+    shown = overview.table()
+    for name in registry.operator_names():
+        assert shown.count(f"(docs/operators.md#{name})") == 1
+    head = shown.splitlines()[0]
+    assert all(f"`{name}`" in head for name in registry.adapter_names())
+
+
+def test_a_quoted_figure_is_the_one_of_its_table() -> None:
+    (table,) = (one for one in pages.load("physics").tables if one.id == "rigid")
+    worst = pages.plain(table.find("box's lid pushed shut on its hinge", "at worst"))
+    cell = str(overview.ROWS["physics"][0])
+    assert f"off by [{worst.split(',')[0]}](docs/benchmarks/physics.md) mm" in cell
+
+
+def test_several_columns_have_their_median_too() -> None:
+    (table,) = (one for one in pages.load("photographed_moves").tables if one.id == "worked")
+    tasks = ("slide_block", "stack_cups", "put_in_box")
+    figures = sorted(float(pages.plain(table.find("moved", task)).split()[0]) for task in tasks)
+    assert f"[{figures[1]} dB]" in str(overview.ROWS["move"][3])
 
 
 def test_an_edit_that_is_no_better_than_none_is_a_no() -> None:
