@@ -1,6 +1,7 @@
 """One episode under changing recipes: its scene is built once, copies are drawn and single frames made as asked."""
 
 import json
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
@@ -12,12 +13,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core import registry
-from rpaug.core.types import CameraView, Episode
+from rpaug.core.types import CameraView, Effect, Episode
 from rpaug.pages import told
 from rpaug.pages.document import color_of, jpeg, png
 from rpaug.pages.instances import labels
 from rpaug.pipeline import inspect, plan, prepare
-from rpaug.pipeline.copies import Made, PreparedEpisode, draw_copy
+from rpaug.pipeline.copies import Made, PreparedEpisode, StepMemory, draw_copy, rendered
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.recorded import surfels
 from rpaug.scene.targets import settled
@@ -27,6 +28,7 @@ WIDEST = 320  # pixels of an image on a page
 BLOCK = 16  # pixels: JPEG's blocks of one frame must not reach into the next
 DRAWN = {"edits", "seed", "copies", "gates", "select", "keep_originals", "on_missing"}
 """Keys of a recipe that the scene does not depend on."""
+KEPT_COPIES = 2  # whose frames are kept: looking at another frame draws nothing anew
 
 Images = dict[str, dict[str, Any]]
 """By camera: `after`, `depth`, `ids` as data URLs, all frames of one in a sheet of `columns` tiles of `tile` pixels."""
@@ -39,6 +41,7 @@ class Session:
     root: Path
     key: str | None = None
     _scenes: dict[str, Any] = field(default_factory=dict)
+    _copies: OrderedDict[tuple[str, int], Made] = field(default_factory=OrderedDict)
 
     @cached_property
     def episode(self) -> Episode:
@@ -78,17 +81,26 @@ class Session:
         """The episode made ready for a recipe. Raises RpaugError."""
         recipe = recipe.settled(self.root)
         wanted = plan.make(prepare.operators(recipe), self.episode)
-        rest = {name: value for name, value in recipe.source.items() if name not in DRAWN}
-        name = json.dumps([wanted.bodies, wanted.gaussians, list(map(str, wanted.parts)), rest])
+        name = _asked_of_scene(recipe, wanted)
         if name not in self._scenes:
             scene, made = prepare.prepare_scene(self.episode, recipe, 0)
-            self._scenes[name] = scene, made, cache(partial(surfels.recorded, scene))
-        scene, made, kept = self._scenes[name]
-        return PreparedEpisode(scene, made if recipe.accuracy else wanted, recipe, kept)
+            kept = cache(partial(surfels.recorded, scene))
+            self._scenes[name] = scene, made, kept, StepMemory()
+        scene, made, kept, memory = self._scenes[name]
+        chosen = made if recipe.accuracy else wanted
+        return PreparedEpisode(scene, chosen, recipe, kept, memory=memory)
 
     def made(self, recipe: Recipe, copy: int, judged: bool) -> Made:
         """Copy number `copy`, judged over all frames as a run does, or not. Raises RpaugError."""
-        return draw_copy(self.prepared(recipe), copy, _rendered if judged else (lambda _: ()))
+        prepared = self.prepared(recipe)
+        if judged:
+            return draw_copy(prepared, copy, rendered)
+        key = json.dumps(prepared.recipe.source), copy
+        made = self._copies.pop(key, None) or draw_copy(prepared, copy, lambda _: ())
+        self._copies[key] = made
+        while len(self._copies) > KEPT_COPIES:
+            self._copies.popitem(last=False)
+        return made
 
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images."""
@@ -162,10 +174,14 @@ def added_ids(made: Made) -> set[int]:
     }
 
 
-def _rendered(made: Made) -> Sequence[str]:
-    from rpaug.pipeline.copies import rendered
-
-    return rendered(made)
+def _asked_of_scene(recipe: Recipe, wanted: plan.Plan) -> str:
+    """What of a recipe its scene depends on, in words: recipes of the same words share one."""
+    rest = {name: value for name, value in recipe.source.items() if name not in DRAWN}
+    moved = any(one.effect & Effect.CAMERA for one in prepare.operators(recipe))
+    asked = [wanted.bodies, wanted.lamps, wanted.gaussians, moved and bool(recipe.arms)]
+    words = [*map(str, wanted.parts), *(prepare.phrases(recipe) if recipe.models.finds else ())]
+    measured = recipe.source.get("edits") if recipe.accuracy else None
+    return json.dumps([asked, words, measured, rest])
 
 
 def _size(view: CameraView) -> dict[str, int]:
