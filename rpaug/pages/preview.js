@@ -2,7 +2,7 @@
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const MODES = ["before", "after", "split", "difference", "depth", "instances"];
-const state = {episode: 0, draw: 0, frame: 0, mode: "split", split: 0.5, timer: 0};
+const state = {episode: 0, draw: 0, frame: 0, mode: "split", split: 0.5, playing: false, turn: 0};
 const images = new Map();
 let episode = null, shot = null;
 
@@ -101,7 +101,7 @@ function outline(context, ids, size, scale) {
   }
 }
 function repaint() {
-  for (const canvas of $("views").querySelectorAll("canvas")) paint(canvas, canvas.dataset.camera);
+  return Promise.all([...$("views").querySelectorAll("canvas")].map((canvas) => paint(canvas, canvas.dataset.camera)));
 }
 function count() {
   return DATA.served ? DATA.keys.length : DATA.episodes.length;
@@ -130,11 +130,11 @@ function bar() {
     slide("split", "recorded | edited", 1, 0.01, (value) => { state.split = value; state.mode = "split"; sync(); repaint(); }),
     slide("frame", "frame", 0, 1, (value) => go(value)),
     element("div", {className: "group"}, button("play", play, "play or stop"), button("next draw", next),
-      ...(count() > 1 ? [button("‹", () => turn(-1), "previous episode"), number(), button("›", () => turn(1), "next episode")]
+      ...(count() > 1 ? [button("‹", () => turn(-1), "previous episode"), turner(), button("›", () => turn(1), "next episode")]
         : [])));
   $("split").value = state.split;
 }
-function number() {
+function turner() {
   const made = element("input", {id: "episode", type: "number", min: 1, max: count(), value: state.episode + 1});
   made.setAttribute("aria-label", `episode, 1 to ${count()}`);
   made.onchange = () => turn(Math.min(count(), Math.max(1, Math.round(made.value))) - 1 - state.episode);
@@ -156,10 +156,10 @@ function told() {
   if (count() > 1) facts.push(["of", `${state.episode + 1} of ${count()} episodes`]);
   $("facts").replaceChildren(element("ul", {className: "facts"}, ...facts.map(([name, value]) =>
     element("li", {}, element("span", {className: "soft", textContent: name + " "}), element("b", {textContent: value})))));
-  const words = shot ? shot.words : [];
-  const list = element("ul", {className: "told"}, ...words.map(([op, what]) =>
+  const drawn = shot ? shot.words : [];
+  const list = element("ul", {className: "told"}, ...drawn.map(([op, what]) =>
     element("li", {}, element("span", {className: "soft", textContent: op + " "}), what)));
-  if (!words.length) list.append(element("li", {textContent: "nothing was drawn in this copy"}));
+  if (!drawn.length) list.append(element("li", {textContent: shot ? "nothing was drawn in this copy" : "nothing yet"}));
   const gates = element("p", {});
   if (shot && shot.faults.length) {
     gates.className = "bad";
@@ -190,7 +190,9 @@ function cameras() {
 function refresh() { told(); sync(); repaint(); }
 function go(frame) {
   state.frame = Math.max(0, Math.min(episode.frames.length - 1, frame));
-  if (DATA.served) ask(); else { sync(); repaint(); }
+  if (DATA.served) return ask();
+  sync();
+  return repaint();
 }
 function next() {
   if (DATA.served) { state.draw += 1; ask(); return; }
@@ -203,9 +205,13 @@ function turn(step) {
   state.episode = (((state.episode + step) % total) + total) % total;
   open();
 }
-function play() {
-  if (state.timer) { clearInterval(state.timer); state.timer = 0; return; }
-  state.timer = setInterval(() => go((state.frame + 1) % episode.frames.length), DATA.served ? 700 : 150);
+async function play() {
+  state.playing = !state.playing;
+  const turn = ++state.turn;
+  while (state.playing && turn === state.turn) {
+    await go((state.frame + 1) % episode.frames.length);
+    await new Promise((done) => setTimeout(done, 150));
+  }
 }
 function open() {
   if (DATA.served) { load(); return; }

@@ -61,23 +61,40 @@ def built(data: dict[str, Any]) -> bytes:
     """The page around its data: `episodes` with their images, or `served` where a server gives them as asked."""
     held = json.dumps(data).replace("<", "\\u003c")
     script = (FOLDER / "preview.js").read_text()
-    form = (FOLDER / "editor.js").read_text() if data.get("served") else ""
+    served = ("fields.js", "editor.js") if data.get("served") else ()
+    form = "".join((FOLDER / name).read_text() for name in served)
     title = html.escape(TITLE)
-    body = (
-        f"<h1 id=title>{title}</h1><div id=facts></div>"
+    shown = (
+        f"<h1 id=title>{title}</h1>{_notes(data)}<div id=facts></div>"
         "<div id=bar class=bar></div><div id=views class=views></div>"
-        "<div class=two><section><h2>What was drawn</h2><div id=drawn aria-live=polite></div>"
-        "<h2>Roles</h2><ul id=roles class=told></ul></section>"
-        "<section><h2>Recipe</h2><div id=editor></div>"
-        "<p><button id=copy type=button>copy as YAML</button> <span id=copied role=status></span></p>"
-        "<details id=folded><summary>as YAML</summary><pre id=yaml></pre></details></section></div>"
-        "<p class=soft>Keys: left and right for frames, space plays, 1 to 6 for what is shown, n for the next draw.</p>"
     )
+    drawn = (
+        "<h2>What was drawn</h2><div id=drawn aria-live=polite></div>"
+        "<h2>Roles</h2><ul id=roles class=told></ul>"
+    )
+    edits = (
+        "<section><h2>Recipe</h2><p id=status role=status class=soft></p><div id=editor></div>"
+        "<p><button id=copy type=button>copy as YAML</button> <span id=copied role=status></span></p>"
+        "<details id=folded><summary>as YAML</summary><pre id=yaml></pre></details></section>"
+    )
+    keys = (
+        "<p class=soft>Keys: left and right for frames, space plays, 1 to 6 for what is shown, n for the next draw, "
+        "[ and ] for episodes.</p>"
+    )
+    if served:
+        body = f"<div class=beside><div>{shown}{drawn}{keys}</div>{edits}</div>"
+    else:
+        body = f"{shown}<div class=two><section>{drawn}</section>{edits}</div>{keys}"
     return document(
         TITLE,
         body,
         f"<script type=application/json id=data>{held}</script><script>{script}{form}</script>",
     )
+
+
+def _notes(data: dict[str, Any]) -> str:
+    """What is to be known of the data before anything else."""
+    return "".join(f"<p class=bad>{html.escape(note)}</p>" for note in data.get("notes", ()))
 
 
 def replaced(path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import cv2
@@ -40,12 +41,18 @@ class Session:
 
     root: Path
     key: str | None = None
+    _reading: Lock = field(default_factory=Lock)
     _scenes: dict[str, Any] = field(default_factory=dict)
     _copies: OrderedDict[tuple[str, int], Made] = field(default_factory=OrderedDict)
 
-    @cached_property
+    @property
     def episode(self) -> Episode:
         """As it was recorded."""
+        with self._reading:
+            return self._episode
+
+    @cached_property
+    def _episode(self) -> Episode:
         return registry.read(self.root, self.key)
 
     @cached_property
@@ -58,15 +65,29 @@ class Session:
         """Name and color of each instance."""
         return labels(self.found[1])
 
+    @property
+    def shown(self) -> Episode:
+        """The episode whose frames are shown: of a video those that it was worked out from, once they are known."""
+        return self.found[2] if "found" in self.__dict__ else self.episode
+
+    def recorded(self) -> dict[str, Any]:
+        """What a page says of the episode before anything was looked for in it."""
+        shown = self.shown
+        return {
+            "key": shown.key,
+            "instruction": shown.instruction,
+            "length": shown.length,
+            "cameras": {name: _size(view) for name, view in shown.views.items()},
+            "roles": {},
+            "instances": [],
+        }
+
     def describe(self) -> dict[str, Any]:
         """What a page says of the episode itself."""
-        described, rows, seen = self.found
+        described, rows, _ = self.found
         names = self.names
         return {
-            "key": self.episode.key,
-            "instruction": self.episode.instruction,
-            "length": seen.length,
-            "cameras": {name: _size(view) for name, view in seen.views.items()},
+            **self.recorded(),
             "roles": {
                 role: {"ids": one["handles"], "why": list(one["reasons"])}
                 for role, one in described.get("roles", {}).items()
@@ -104,7 +125,7 @@ class Session:
 
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images."""
-        views = self.found[2].views
+        views = self.shown.views
         return {name: {"before": sheet(view, "rgb", frames)} for name, view in views.items()}
 
     def drawn(
