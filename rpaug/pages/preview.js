@@ -11,7 +11,8 @@ function element(tag, properties, ...children) {
   made.append(...children);
   return made;
 }
-function image(url) {
+function image(given) {
+  const url = typeof given === "number" ? DATA.images[given] : given;
   if (!images.has(url)) {
     if (images.size > 400) images.clear();
     const made = new Image();
@@ -148,12 +149,17 @@ function sync() {
   $("frame").value = state.frame;
   $("frame-label").textContent = `frame ${episode.frames[state.frame]} of ${episode.length - 1}`;
 }
+const UNITS = {outside: "pixels", reprojection: "mm", holes: "%", moving: "%", torn: "%", flicker: "levels of 255", color: "CIEDE2000"};
+function measured([name, value]) {
+  return `${name} ${+(UNITS[name] === "%" ? 100 * value : value).toPrecision(3)} ${UNITS[name] || ""}`.trim();
+}
 function told() {
   const instruction = (shot && shot.instruction) || episode.instruction;
   $("title").textContent = instruction.trim() ? `“${instruction}”` : "no instruction";
-  const facts = [["episode", episode.key], ["frames", episode.length], ["cameras", Object.keys(episode.cameras).length]];
+  const all = episode.frames.length === episode.length;
+  const facts = [["episode", episode.key], ["frames", all ? episode.length : `${episode.length}, of which ${episode.frames.length} are here`], ["cameras", Object.keys(episode.cameras).length]];
   if (shot) facts.push(["draw", `seed ${shot.seed}, copy ${shot.copy}`]);
-  if (count() > 1) facts.push(["of", `${state.episode + 1} of ${count()} episodes`]);
+  if (count() > 1) facts.push(["number", `${state.episode + 1} of ${count()} episodes`]);
   $("facts").replaceChildren(element("ul", {className: "facts"}, ...facts.map(([name, value]) =>
     element("li", {}, element("span", {className: "soft", textContent: name + " "}), element("b", {textContent: value})))));
   const drawn = shot ? shot.words : [];
@@ -165,7 +171,7 @@ function told() {
     gates.className = "bad";
     gates.textContent = "rejected: " + shot.faults.join("; ");
   } else if (shot && Object.keys(shot.measured).length) {
-    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(([k, v]) => `${k} ${+v.toPrecision(3)}`).join(", ");
+    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(measured).join(", ");
   } else if (shot) gates.textContent = DATA.served ? "gates are measured when copies are written" : "gates passed";
   const change = element("p", {className: "soft", textContent: shot ? "mean change, levels of 255: " + Object.entries(shot.change).map(([k, v]) => `${k} ${v}`).join(", ") : ""});
   $("drawn").replaceChildren(list, gates, change);
@@ -184,7 +190,9 @@ function cameras() {
     canvas.dataset.camera = name;
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `camera ${name}`);
-    return element("figure", {}, canvas, element("figcaption", {textContent: name}));
+    const lossy = episode.before && episode.before[name] && !episode.before[name].before.exact;
+    const words = lossy ? `${name} (JPEG: differences of some levels are its own)` : name;
+    return element("figure", {}, canvas, element("figcaption", {textContent: words}));
   }));
 }
 function refresh() { told(); sync(); repaint(); }

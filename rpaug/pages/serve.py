@@ -70,9 +70,11 @@ class Server(ThreadingHTTPServer):
         return found
 
     def page(self) -> bytes:
-        """The page, without any image yet."""
+        """The page, without any image yet; with the episodes that are there now."""
+        self.keys = list(registry.adapter_for(self.root).episodes(self.root))
         data = {
             "served": True,
+            "notes": preview.unfinished(self.root),
             "keys": self.keys,
             "first": self.first,
             "recipe": self.recipe.source,

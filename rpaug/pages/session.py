@@ -16,7 +16,7 @@ from jaxtyping import UInt8
 from rpaug.core import registry
 from rpaug.core.types import CameraView, Effect, Episode
 from rpaug.pages import told
-from rpaug.pages.document import color_of, jpeg, png
+from rpaug.pages.document import color_of, jpeg, png, webp
 from rpaug.pages.instances import labels
 from rpaug.pipeline import inspect, plan, prepare
 from rpaug.pipeline.copies import Made, PreparedEpisode, StepMemory, draw_copy, rendered
@@ -26,6 +26,7 @@ from rpaug.scene.targets import settled
 from rpaug.scene.targets.survey import InstanceSummary
 
 WIDEST = 320  # pixels of an image on a page
+LEVELS = 5  # of 255 between two grays of depth: a quarter of what exact ones take
 BLOCK = 16  # pixels: JPEG's blocks of one frame must not reach into the next
 DRAWN = {"edits", "seed", "copies", "gates", "select", "keep_originals", "on_missing"}
 """Keys of a recipe that the scene does not depend on."""
@@ -43,6 +44,7 @@ class Session:
     key: str | None = None
     _reading: Lock = field(default_factory=Lock)
     _scenes: dict[str, Any] = field(default_factory=dict)
+    _before: tuple[tuple[int, ...], Images] = (), {}
     _copies: OrderedDict[tuple[str, int], Made] = field(default_factory=OrderedDict)
 
     @property
@@ -124,9 +126,13 @@ class Session:
         return made
 
     def before(self, frames: Sequence[int]) -> Images:
-        """The recorded images."""
-        views = self.shown.views
-        return {name: {"before": sheet(view, "rgb", frames)} for name, view in views.items()}
+        """The recorded images, the latest kept; many of them as JPEG only where that is smaller than exact pixels."""
+        name, views = (id(self.shown), *frames), self.shown.views
+        held = self._before  # another thread may put its own there
+        if held[0] != name:
+            made = {camera: {"before": smallest(view, frames)} for camera, view in views.items()}
+            held = self._before = name, made
+        return held[1]
 
     def drawn(
         self, recipe: Recipe, copy: int, frames: Sequence[int], judged: bool
@@ -137,7 +143,7 @@ class Session:
         """
         made = self.made(recipe, copy, judged)
         numbers = self._numbers(made, frames)
-        views = made.recorded.views
+        views, before = made.recorded.views, self.before(frames)
         return {
             "seed": recipe.seed,
             "copy": copy,
@@ -147,7 +153,10 @@ class Session:
             "measured": made.figures.describe() if judged else {},
             "added": self._added(made, numbers),
             "change": self._change(made, frames),
-            "images": {name: _images(view, frames, numbers) for name, view in views.items()},
+            "images": {
+                name: _images(view, frames, numbers, before[name]["before"]["exact"])
+                for name, view in views.items()
+            },
         }
 
     def _numbers(self, made: Made, frames: Sequence[int]) -> dict[int, int]:
@@ -210,8 +219,10 @@ def _size(view: CameraView) -> dict[str, int]:
     return {"width": round(view.camera.width * scale), "height": round(view.camera.height * scale)}
 
 
-def _images(view: CameraView, frames: Sequence[int], numbers: Mapping[int, int]) -> dict[str, Any]:
-    images = {"after": sheet(view, "rgb", frames)}
+def _images(
+    view: CameraView, frames: Sequence[int], numbers: Mapping[int, int], exact: bool
+) -> dict[str, Any]:
+    images = {"after": sheet(view, "rgb", frames, exact=exact)}
     if view.depth is not None:
         images["depth"] = sheet(view, "depth", frames)
     if view.ids is not None:
@@ -219,10 +230,26 @@ def _images(view: CameraView, frames: Sequence[int], numbers: Mapping[int, int])
     return images
 
 
+def smallest(view: CameraView, frames: Sequence[int]) -> dict[str, Any]:
+    """A camera's frames exactly, or as JPEG if that is smaller: of what a renderer drew exact ones mostly are."""
+    exact = sheet(view, "rgb", frames)
+    if len(frames) == 1:
+        return exact
+    photographs = sheet(view, "rgb", frames, exact=False)
+    return min(exact, photographs, key=lambda one: len(one["url"]))
+
+
 def sheet(
-    view: CameraView, kind: str, frames: Sequence[int], numbers: Mapping[int, int] | None = None
+    view: CameraView,
+    kind: str,
+    frames: Sequence[int],
+    numbers: Mapping[int, int] | None = None,
+    exact: bool = True,
 ) -> dict[str, Any]:
-    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers."""
+    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers.
+
+    One frame alone is asked for in haste: packing it well would take longer than sending it.
+    """
     size = _size(view)
     wide, high = (-(-side // BLOCK) * BLOCK for side in (size["width"], size["height"]))
     columns = int(np.ceil(np.sqrt(len(frames))))
@@ -240,8 +267,8 @@ def sheet(
             tile = _fitted(_gray(view.depth(t)), size, cv2.INTER_NEAREST)
         row, column = divmod(number, columns)
         whole[row * high :, column * wide :][: size["height"], : size["width"]] = tile
-    url = jpeg(whole) if kind == "rgb" else png(whole)
-    return {"url": url, "columns": columns, "tile": [wide, high]}
+    pack = partial(png, level=1) if len(frames) == 1 else webp if exact else jpeg
+    return {"url": pack(whole), "columns": columns, "tile": [wide, high], "exact": exact}
 
 
 def _fitted(image: np.ndarray, size: Mapping[str, int], how: int) -> np.ndarray:
@@ -259,6 +286,6 @@ def _numbered(ids: np.ndarray, numbers: Mapping[int, int]) -> UInt8[np.ndarray, 
 
 
 def _gray(depth: np.ndarray) -> UInt8[np.ndarray, "h w"]:
-    """White at 30 cm, by the inverse of the distance: what is near is told apart."""
+    """White at 30 cm, by the inverse of the distance: what is near is told apart. In as many levels as eyes tell."""
     near = np.where(depth > 0, 0.3 / np.maximum(depth, 0.3), 0)
-    return np.rint(255 * near).astype(np.uint8)
+    return (LEVELS * np.rint(255 / LEVELS * near)).astype(np.uint8)
