@@ -130,21 +130,21 @@ await drawn();
 @pytest.fixture
 def form(
     running: serve.Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[str], Any]:
+) -> Callable[..., Any]:
     """Runs a script in the page of the server, which starts with `RECIPE`."""
     if browser.CHROMIUM is None:
         pytest.skip(browser.WHY)
     running.recipe = recipe.build(RECIPE)
     page = running.page()
 
-    def run(script: str) -> Any:
-        monkeypatch.setattr(running, "page", lambda: page + browser.asking(FORM + script))
-        return browser.visit(running.url, tmp_path)
+    def run(script: str, width: int = 1400, more: bytes = b"") -> Any:
+        monkeypatch.setattr(running, "page", lambda: page + more + browser.asking(FORM + script))
+        return browser.visit(running.url, tmp_path, width)
 
     return run
 
 
-def test_the_form_edits_in_a_browser(form: Callable[[str], Any]) -> None:
+def test_the_form_edits_in_a_browser(form: Callable[..., Any]) -> None:
     script = """
     const seen=()=>{const c=document.querySelector('canvas[data-camera=front]');
         return [...c.getContext('2d').getImageData(0,0,c.width,c.height).data].reduce((a,b)=>a+b,0)};
@@ -165,7 +165,7 @@ def test_the_form_edits_in_a_browser(form: Callable[[str], Any]) -> None:
     assert (stale, later) == (True, False)  # pictures of another recipe are shown as such
 
 
-def test_lists_gates_and_ranges_have_fields_of_their_own(form: Callable[[str], Any]) -> None:
+def test_lists_gates_and_ranges_have_fields_of_their_own(form: Callable[..., Any]) -> None:
     script = """
     add('add an edit','one_of');await yaml('one_of');
     add('add an alternative to edit 2','light_color');
@@ -200,3 +200,22 @@ def test_lists_gates_and_ranges_have_fields_of_their_own(form: Callable[[str], A
     assert controls > 60
     assert (nameless, unreachable) == (0, 0)
     assert told
+
+
+OPENED = """
+give(inside('gates','gates: what a copy must keep'),'limits');await yaml('gates');
+add('add an edit','one_of');await yaml('one_of');await unfold();
+"""
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_form_fits_a_desk_and_a_phone(form: Callable[..., Any], width: int) -> None:
+    wide, inner = form(f"{OPENED}return [document.documentElement.scrollWidth,innerWidth]", width)
+    assert wide <= inner
+
+
+@pytest.mark.skipif(not browser.AXE, reason=browser.WHY_NO_AXE)
+@pytest.mark.parametrize("width", [1400, 390])
+def test_axe_has_no_serious_findings_in_the_form(form: Callable[..., Any], width: int) -> None:
+    axe = b"<script>" + Path(browser.AXE).read_bytes() + b"</script>"
+    assert form(OPENED + browser.FINDINGS, width, axe) == []
