@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rpaug.cli.console import AsJson, Dataset, EpisodeKey, UsedModels, print_json, say
+from rpaug.cli.console import AsJson, Dataset, EpisodeKey, UsedModels, print_json, say, warn
 from rpaug.cli.progress import progress_bar
 
 
@@ -22,7 +22,12 @@ def preview(
     episode: EpisodeKey = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many, from the first.")] = 1,
     draws: Annotated[int, typer.Option(min=1, help="Copies that the page holds.")] = 4,
-    frames: Annotated[int, typer.Option(min=1, help="Of each episode, at most.")] = 24,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Of each episode, at most; 24, or 12 of more than three episodes."
+        ),
+    ] = None,
     serve: Annotated[
         bool, typer.Option("--serve", help="Edit the recipe in the browser, on this machine alone.")
     ] = False,
@@ -45,6 +50,9 @@ def preview(
     from rpaug.pipeline import inputs
 
     loaded = inputs.recipe(recipe, set_ or [], models or ())
+    notes = pages.unfinished(dataset)
+    for note in notes:
+        warn("not complete", note)
     if serve:
         from rpaug.pages.serve import server
 
@@ -60,7 +68,8 @@ def preview(
         made = pages.page(dataset, keys, loaded, draws=draws, frames=frames)
     write_atomic(out, made)
     if as_json:
-        print_json({"page": str(out), "episodes": keys, "megabytes": round(len(made) / 1e6, 2)})
+        size = round(len(made) / 1e6, 2)
+        print_json({"page": str(out), "episodes": keys, "megabytes": size, "notes": notes})
         return 0
     say(f"{len(made) / 1e6:.1f} MB, needs no network; edit the recipe with --serve")
     say(f"preview: {out}")

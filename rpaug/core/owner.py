@@ -50,6 +50,22 @@ def owned(target: Path) -> Iterator[bool]:
                 break
 
 
+def writer(target: Path) -> str:
+    """Who holds `target`, in words; empty where nobody does, or the file system knows no locks."""
+    try:
+        descriptor = os.open(target.parent / f".{target.name}.lock", os.O_RDONLY)
+    except OSError:
+        return ""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        held = error.errno in (errno.EWOULDBLOCK, errno.EACCES)
+        return _who(descriptor).rstrip(",") if held else ""
+    finally:
+        os.close(descriptor)
+    return ""
+
+
 def _held(path: Path, target: Path) -> tuple[int, bool]:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)

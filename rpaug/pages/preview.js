@@ -2,7 +2,7 @@
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const MODES = ["before", "after", "split", "difference", "depth", "instances"];
-const state = {episode: 0, draw: 0, frame: 0, mode: "split", split: 0.5, timer: 0};
+const state = {episode: 0, draw: 0, frame: 0, mode: "split", split: 0.5, playing: false, turn: 0};
 const images = new Map();
 let episode = null, shot = null;
 
@@ -11,7 +11,8 @@ function element(tag, properties, ...children) {
   made.append(...children);
   return made;
 }
-function image(url) {
+function image(given) {
+  const url = typeof given === "number" ? DATA.images[given] : given;
   if (!images.has(url)) {
     if (images.size > 400) images.clear();
     const made = new Image();
@@ -101,7 +102,7 @@ function outline(context, ids, size, scale) {
   }
 }
 function repaint() {
-  for (const canvas of $("views").querySelectorAll("canvas")) paint(canvas, canvas.dataset.camera);
+  return Promise.all([...$("views").querySelectorAll("canvas")].map((canvas) => paint(canvas, canvas.dataset.camera)));
 }
 function count() {
   return DATA.served ? DATA.keys.length : DATA.episodes.length;
@@ -130,11 +131,11 @@ function bar() {
     slide("split", "recorded | edited", 1, 0.01, (value) => { state.split = value; state.mode = "split"; sync(); repaint(); }),
     slide("frame", "frame", 0, 1, (value) => go(value)),
     element("div", {className: "group"}, button("play", play, "play or stop"), button("next draw", next),
-      ...(count() > 1 ? [button("‹", () => turn(-1), "previous episode"), number(), button("›", () => turn(1), "next episode")]
+      ...(count() > 1 ? [button("‹", () => turn(-1), "previous episode"), turner(), button("›", () => turn(1), "next episode")]
         : [])));
   $("split").value = state.split;
 }
-function number() {
+function turner() {
   const made = element("input", {id: "episode", type: "number", min: 1, max: count(), value: state.episode + 1});
   made.setAttribute("aria-label", `episode, 1 to ${count()}`);
   made.onchange = () => turn(Math.min(count(), Math.max(1, Math.round(made.value))) - 1 - state.episode);
@@ -148,24 +149,29 @@ function sync() {
   $("frame").value = state.frame;
   $("frame-label").textContent = `frame ${episode.frames[state.frame]} of ${episode.length - 1}`;
 }
+const UNITS = {outside: "pixels", reprojection: "mm", holes: "%", moving: "%", torn: "%", flicker: "levels of 255", color: "CIEDE2000"};
+function measured([name, value]) {
+  return `${name} ${+(UNITS[name] === "%" ? 100 * value : value).toPrecision(3)} ${UNITS[name] || ""}`.trim();
+}
 function told() {
   const instruction = (shot && shot.instruction) || episode.instruction;
   $("title").textContent = instruction.trim() ? `“${instruction}”` : "no instruction";
-  const facts = [["episode", episode.key], ["frames", episode.length], ["cameras", Object.keys(episode.cameras).length]];
+  const all = episode.frames.length === episode.length;
+  const facts = [["episode", episode.key], ["frames", all ? episode.length : `${episode.length}, of which ${episode.frames.length} are here`], ["cameras", Object.keys(episode.cameras).length]];
   if (shot) facts.push(["draw", `seed ${shot.seed}, copy ${shot.copy}`]);
-  if (count() > 1) facts.push(["of", `${state.episode + 1} of ${count()} episodes`]);
+  if (count() > 1) facts.push(["number", `${state.episode + 1} of ${count()} episodes`]);
   $("facts").replaceChildren(element("ul", {className: "facts"}, ...facts.map(([name, value]) =>
     element("li", {}, element("span", {className: "soft", textContent: name + " "}), element("b", {textContent: value})))));
-  const words = shot ? shot.words : [];
-  const list = element("ul", {className: "told"}, ...words.map(([op, what]) =>
+  const drawn = shot ? shot.words : [];
+  const list = element("ul", {className: "told"}, ...drawn.map(([op, what]) =>
     element("li", {}, element("span", {className: "soft", textContent: op + " "}), what)));
-  if (!words.length) list.append(element("li", {textContent: "nothing was drawn in this copy"}));
+  if (!drawn.length) list.append(element("li", {textContent: shot ? "nothing was drawn in this copy" : "nothing yet"}));
   const gates = element("p", {});
   if (shot && shot.faults.length) {
     gates.className = "bad";
     gates.textContent = "rejected: " + shot.faults.join("; ");
   } else if (shot && Object.keys(shot.measured).length) {
-    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(([k, v]) => `${k} ${+v.toPrecision(3)}`).join(", ");
+    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(measured).join(", ");
   } else if (shot) gates.textContent = DATA.served ? "gates are measured when copies are written" : "gates passed";
   const change = element("p", {className: "soft", textContent: shot ? "mean change, levels of 255: " + Object.entries(shot.change).map(([k, v]) => `${k} ${v}`).join(", ") : ""});
   $("drawn").replaceChildren(list, gates, change);
@@ -184,13 +190,17 @@ function cameras() {
     canvas.dataset.camera = name;
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `camera ${name}`);
-    return element("figure", {}, canvas, element("figcaption", {textContent: name}));
+    const lossy = episode.before && episode.before[name] && !episode.before[name].before.exact;
+    const words = lossy ? `${name} (JPEG: differences of some levels are its own)` : name;
+    return element("figure", {}, canvas, element("figcaption", {textContent: words}));
   }));
 }
 function refresh() { told(); sync(); repaint(); }
 function go(frame) {
   state.frame = Math.max(0, Math.min(episode.frames.length - 1, frame));
-  if (DATA.served) ask(); else { sync(); repaint(); }
+  if (DATA.served) return ask();
+  sync();
+  return repaint();
 }
 function next() {
   if (DATA.served) { state.draw += 1; ask(); return; }
@@ -203,9 +213,13 @@ function turn(step) {
   state.episode = (((state.episode + step) % total) + total) % total;
   open();
 }
-function play() {
-  if (state.timer) { clearInterval(state.timer); state.timer = 0; return; }
-  state.timer = setInterval(() => go((state.frame + 1) % episode.frames.length), DATA.served ? 700 : 150);
+async function play() {
+  state.playing = !state.playing;
+  const turn = ++state.turn;
+  while (state.playing && turn === state.turn) {
+    await go((state.frame + 1) % episode.frames.length);
+    await new Promise((done) => setTimeout(done, 150));
+  }
 }
 function open() {
   if (DATA.served) { load(); return; }

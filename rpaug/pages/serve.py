@@ -11,28 +11,33 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import RLock
+from threading import Lock
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from rpaug.core import registry, safe_yaml
+from rpaug.core import memo, progress, registry, safe_yaml
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.pages import preview
+from rpaug.pages.rehearsal import Rehearsal
 from rpaug.pages.session import Session
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.recipe import Recipe
 
 HOST = "127.0.0.1"
 MOST_BYTES = 2**20  # of a request
+MOST_COPIES = 10_000
 MOST_VALUES = 20_000  # in a field that is written as YAML
 SESSIONS = 3  # episodes that are kept
+KEPT_ANSWERS = (
+    8  # of scenes that differ in what a recipe's edits did to them: changes go back and forth
+)
 WRITTEN = "$yaml"
 """The key of a value that the form's user wrote as text: it is read as YAML."""
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one dataset's preview at `url`. It draws for one request at a time; what a browser opens ahead and leaves
-    silent holds up no other."""
+    """Serves one dataset's preview at `url`. It draws for one request at a time, and tries ordinary edits while there
+    is none; what a browser opens ahead and leaves silent holds up no other. `stage` says what is being done."""
 
     def __init__(self, root: Path, recipe: Recipe, key: str | None, port: int) -> None:
         self.root, self.recipe = root, recipe
@@ -42,8 +47,11 @@ class Server(ThreadingHTTPServer):
             raise BadInput(root, "episode", found=key, expected=expected)
         self.first = self.keys.index(key) if key is not None else 0
         self._sessions: OrderedDict[str, Session] = OrderedDict()
-        self._lock = RLock()
+        self._lock, self.stage, self._rehearsal = Lock(), "", Rehearsal()
+        memo.keep(KEPT_ANSWERS)
         super().__init__((HOST, port), _Handler)
+        if self.keys:
+            self._rehearsal.follow(self.session(self.keys[self.first]), recipe)
 
     @property
     def url(self) -> str:
@@ -62,9 +70,11 @@ class Server(ThreadingHTTPServer):
         return found
 
     def page(self) -> bytes:
-        """The page, without any image yet."""
+        """The page, without any image yet; with the episodes that are there now."""
+        self.keys = list(registry.adapter_for(self.root).episodes(self.root))
         data = {
             "served": True,
+            "notes": preview.unfinished(self.root),
             "keys": self.keys,
             "first": self.first,
             "recipe": self.recipe.source,
@@ -74,21 +84,42 @@ class Server(ThreadingHTTPServer):
         return preview.built(data)
 
     def episode(self, key: str) -> dict[str, Any]:
-        """What the page says of an episode before anything is drawn."""
-        with self._lock:
-            described = self.session(key).describe()
-        return {**described, "frames": list(range(described["length"])), "single": True}
+        """What was recorded, with the first frame: at once, before anything is looked for."""
+        session = self.session(key)
+        return {**_paged(session.recorded()), "before": session.before([0])}
+
+    def found(self, key: str) -> dict[str, Any]:
+        """The same with what was found in it, when that is known."""
+        session = self.session(key)
+        with self._rehearsal.asked():
+            described = session.describe()
+        self._rehearsal.follow(session, self.recipe)
+        return _paged(described)
+
+    def recorded(self, key: str, frame: int) -> dict[str, Any]:
+        """The recorded images of a frame. Raises RpaugError."""
+        session = self.session(key)
+        return {"before": session.before([_frame(session, frame)])}
+
+    def hear(self, told: progress.Told) -> None:
+        """Remember what is being done."""
+        share = f", {told['done']} of {told['total']}" if told["total"] else ""
+        self.stage = "" if told["stage"] == progress.FINISHED else f"{told['stage']}{share}"
 
     def drawn(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """One frame of one copy under the form's recipe, with the seconds it took. Raises RpaugError."""
         start = time.perf_counter()
         recipe = recipes.build(_read(asked["recipe"]))
-        with self._lock:
-            session, t = self.session(asked["episode"]), int(asked["frame"])
-            if not 0 <= t < session.found[2].length or not 1 <= int(asked["copy"]) <= 10_000:
-                raise RpaugError(f"frame {t}, copy {asked['copy']}: no such frame or copy")
-            made = session.drawn(recipe, int(asked["copy"]), [t], judged=False)
+        session, copy = self.session(asked["episode"]), int(asked["copy"])
+        if not 1 <= copy <= MOST_COPIES:
+            raise RpaugError(f"copy {copy}: expected 1 to {MOST_COPIES}")
+        with self._rehearsal.asked():
+            self.stage = ""
+            _ = session.found
+            t = _frame(session, int(asked["frame"]))
+            made = session.drawn(recipe, copy, [t], judged=False)
             before = session.before([t])
+        self.recipe = recipe
         taken = round(time.perf_counter() - start, 2)
         return {
             "draw": made,
@@ -96,6 +127,23 @@ class Server(ThreadingHTTPServer):
             "yaml": preview.text(recipe.source),
             "seconds": taken,
         }
+
+    def server_close(self) -> None:
+        """Free the port, after what is being drawn."""
+        super().server_close()
+        self._rehearsal.end()
+
+
+def _paged(described: dict[str, Any]) -> dict[str, Any]:
+    """What a page asks for frame by frame."""
+    return {**described, "frames": list(range(described["length"])), "single": True}
+
+
+def _frame(session: Session, t: int) -> int:
+    """Raises RpaugError where there is no such frame."""
+    if not 0 <= t < session.shown.length:
+        raise RpaugError(f"frame {t}: no such frame; expected 0 to {session.shown.length - 1}")
+    return t
 
 
 @contextmanager
@@ -107,7 +155,8 @@ def server(root: Path, recipe: Recipe, key: str | None, port: int) -> Iterator[S
         found = str(error.strerror or error)
         raise BadInput("--port", str(port), found=found, expected="a free port, or 0") from None
     try:
-        yield made
+        with progress.heard(made.hear):
+            yield made
     finally:
         made.server_close()
 
@@ -130,13 +179,19 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """The page, or what is known of an episode."""
         parts = urlsplit(self.path)
+        given = {name: values[0] for name, values in parse_qs(parts.query).items()}
         if not self._ours():
             self._answer(403, b"not from here", "text/plain")
         elif parts.path == "/":
             self._answer(200, self.server.page(), "text/html; charset=utf-8")
+        elif parts.path == "/doing":
+            self._told(lambda: {"doing": self.server.stage})
         elif parts.path == "/episode":
-            key = parse_qs(parts.query).get("key", [""])[0]
-            self._told(lambda: self.server.episode(key))
+            self._told(lambda: self.server.episode(given["key"]))
+        elif parts.path == "/found":
+            self._told(lambda: self.server.found(given["key"]))
+        elif parts.path == "/recorded":
+            self._told(lambda: self.server.recorded(given["key"], int(given["frame"])))
         else:
             self._answer(404, b"no such page", "text/plain")
 

@@ -1,10 +1,12 @@
 """One episode under changing recipes: its scene is built once, copies are drawn and single frames made as asked."""
 
 import json
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import cv2
@@ -12,21 +14,23 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core import registry
-from rpaug.core.types import CameraView, Episode
+from rpaug.core.types import CameraView, Effect, Episode
 from rpaug.pages import told
-from rpaug.pages.document import color_of, jpeg, png
+from rpaug.pages.document import color_of, jpeg, png, webp
 from rpaug.pages.instances import labels
 from rpaug.pipeline import inspect, plan, prepare
-from rpaug.pipeline.copies import Made, PreparedEpisode, draw_copy
+from rpaug.pipeline.copies import Made, PreparedEpisode, StepMemory, draw_copy, rendered
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.recorded import surfels
 from rpaug.scene.targets import settled
 from rpaug.scene.targets.survey import InstanceSummary
 
 WIDEST = 320  # pixels of an image on a page
+LEVELS = 5  # of 255 between two grays of depth: a quarter of what exact ones take
 BLOCK = 16  # pixels: JPEG's blocks of one frame must not reach into the next
 DRAWN = {"edits", "seed", "copies", "gates", "select", "keep_originals", "on_missing"}
 """Keys of a recipe that the scene does not depend on."""
+KEPT_COPIES = 2  # whose frames are kept: looking at another frame draws nothing anew
 
 Images = dict[str, dict[str, Any]]
 """By camera: `after`, `depth`, `ids` as data URLs, all frames of one in a sheet of `columns` tiles of `tile` pixels."""
@@ -38,11 +42,19 @@ class Session:
 
     root: Path
     key: str | None = None
+    _reading: Lock = field(default_factory=Lock)
     _scenes: dict[str, Any] = field(default_factory=dict)
+    _before: tuple[tuple[int, ...], Images] = (), {}
+    _copies: OrderedDict[tuple[str, int], Made] = field(default_factory=OrderedDict)
 
-    @cached_property
+    @property
     def episode(self) -> Episode:
         """As it was recorded."""
+        with self._reading:
+            return self._episode
+
+    @cached_property
+    def _episode(self) -> Episode:
         return registry.read(self.root, self.key)
 
     @cached_property
@@ -55,15 +67,29 @@ class Session:
         """Name and color of each instance."""
         return labels(self.found[1])
 
+    @property
+    def shown(self) -> Episode:
+        """The episode whose frames are shown: of a video those that it was worked out from, once they are known."""
+        return self.found[2] if "found" in self.__dict__ else self.episode
+
+    def recorded(self) -> dict[str, Any]:
+        """What a page says of the episode before anything was looked for in it."""
+        shown = self.shown
+        return {
+            "key": shown.key,
+            "instruction": shown.instruction,
+            "length": shown.length,
+            "cameras": {name: _size(view) for name, view in shown.views.items()},
+            "roles": {},
+            "instances": [],
+        }
+
     def describe(self) -> dict[str, Any]:
         """What a page says of the episode itself."""
-        described, rows, seen = self.found
+        described, rows, _ = self.found
         names = self.names
         return {
-            "key": self.episode.key,
-            "instruction": self.episode.instruction,
-            "length": seen.length,
-            "cameras": {name: _size(view) for name, view in seen.views.items()},
+            **self.recorded(),
             "roles": {
                 role: {"ids": one["handles"], "why": list(one["reasons"])}
                 for role, one in described.get("roles", {}).items()
@@ -78,22 +104,35 @@ class Session:
         """The episode made ready for a recipe. Raises RpaugError."""
         recipe = recipe.settled(self.root)
         wanted = plan.make(prepare.operators(recipe), self.episode)
-        rest = {name: value for name, value in recipe.source.items() if name not in DRAWN}
-        name = json.dumps([wanted.bodies, wanted.gaussians, list(map(str, wanted.parts)), rest])
+        name = _asked_of_scene(recipe, wanted)
         if name not in self._scenes:
             scene, made = prepare.prepare_scene(self.episode, recipe, 0)
-            self._scenes[name] = scene, made, cache(partial(surfels.recorded, scene))
-        scene, made, kept = self._scenes[name]
-        return PreparedEpisode(scene, made if recipe.accuracy else wanted, recipe, kept)
+            kept = cache(partial(surfels.recorded, scene))
+            self._scenes[name] = scene, made, kept, StepMemory()
+        scene, made, kept, memory = self._scenes[name]
+        chosen = made if recipe.accuracy else wanted
+        return PreparedEpisode(scene, chosen, recipe, kept, memory=memory)
 
     def made(self, recipe: Recipe, copy: int, judged: bool) -> Made:
         """Copy number `copy`, judged over all frames as a run does, or not. Raises RpaugError."""
-        return draw_copy(self.prepared(recipe), copy, _rendered if judged else (lambda _: ()))
+        prepared = self.prepared(recipe)
+        if judged:
+            return draw_copy(prepared, copy, rendered)
+        key = json.dumps(prepared.recipe.source), copy
+        made = self._copies.pop(key, None) or draw_copy(prepared, copy, lambda _: ())
+        self._copies[key] = made
+        while len(self._copies) > KEPT_COPIES:
+            self._copies.popitem(last=False)
+        return made
 
     def before(self, frames: Sequence[int]) -> Images:
-        """The recorded images."""
-        views = self.found[2].views
-        return {name: {"before": sheet(view, "rgb", frames)} for name, view in views.items()}
+        """The recorded images, the latest kept; many of them as JPEG only where that is smaller than exact pixels."""
+        name, views = (id(self.shown), *frames), self.shown.views
+        held = self._before  # another thread may put its own there
+        if held[0] != name:
+            made = {camera: {"before": smallest(view, frames)} for camera, view in views.items()}
+            held = self._before = name, made
+        return held[1]
 
     def drawn(
         self, recipe: Recipe, copy: int, frames: Sequence[int], judged: bool
@@ -104,7 +143,7 @@ class Session:
         """
         made = self.made(recipe, copy, judged)
         numbers = self._numbers(made, frames)
-        views = made.recorded.views
+        views, before = made.recorded.views, self.before(frames)
         return {
             "seed": recipe.seed,
             "copy": copy,
@@ -114,7 +153,10 @@ class Session:
             "measured": made.figures.describe() if judged else {},
             "added": self._added(made, numbers),
             "change": self._change(made, frames),
-            "images": {name: _images(view, frames, numbers) for name, view in views.items()},
+            "images": {
+                name: _images(view, frames, numbers, before[name]["before"]["exact"])
+                for name, view in views.items()
+            },
         }
 
     def _numbers(self, made: Made, frames: Sequence[int]) -> dict[int, int]:
@@ -162,10 +204,14 @@ def added_ids(made: Made) -> set[int]:
     }
 
 
-def _rendered(made: Made) -> Sequence[str]:
-    from rpaug.pipeline.copies import rendered
-
-    return rendered(made)
+def _asked_of_scene(recipe: Recipe, wanted: plan.Plan) -> str:
+    """What of a recipe its scene depends on, in words: recipes of the same words share one."""
+    rest = {name: value for name, value in recipe.source.items() if name not in DRAWN}
+    moved = any(one.effect & Effect.CAMERA for one in prepare.operators(recipe))
+    asked = [wanted.bodies, wanted.lamps, wanted.gaussians, moved and bool(recipe.arms)]
+    words = [*map(str, wanted.parts), *(prepare.phrases(recipe) if recipe.models.finds else ())]
+    measured = recipe.source.get("edits") if recipe.accuracy else None
+    return json.dumps([asked, words, measured, rest])
 
 
 def _size(view: CameraView) -> dict[str, int]:
@@ -173,8 +219,10 @@ def _size(view: CameraView) -> dict[str, int]:
     return {"width": round(view.camera.width * scale), "height": round(view.camera.height * scale)}
 
 
-def _images(view: CameraView, frames: Sequence[int], numbers: Mapping[int, int]) -> dict[str, Any]:
-    images = {"after": sheet(view, "rgb", frames)}
+def _images(
+    view: CameraView, frames: Sequence[int], numbers: Mapping[int, int], exact: bool
+) -> dict[str, Any]:
+    images = {"after": sheet(view, "rgb", frames, exact=exact)}
     if view.depth is not None:
         images["depth"] = sheet(view, "depth", frames)
     if view.ids is not None:
@@ -182,10 +230,26 @@ def _images(view: CameraView, frames: Sequence[int], numbers: Mapping[int, int])
     return images
 
 
+def smallest(view: CameraView, frames: Sequence[int]) -> dict[str, Any]:
+    """A camera's frames exactly, or as JPEG if that is smaller: of what a renderer drew exact ones mostly are."""
+    exact = sheet(view, "rgb", frames)
+    if len(frames) == 1:
+        return exact
+    photographs = sheet(view, "rgb", frames, exact=False)
+    return min(exact, photographs, key=lambda one: len(one["url"]))
+
+
 def sheet(
-    view: CameraView, kind: str, frames: Sequence[int], numbers: Mapping[int, int] | None = None
+    view: CameraView,
+    kind: str,
+    frames: Sequence[int],
+    numbers: Mapping[int, int] | None = None,
+    exact: bool = True,
 ) -> dict[str, Any]:
-    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers."""
+    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers.
+
+    One frame alone is asked for in haste: packing it well would take longer than sending it.
+    """
     size = _size(view)
     wide, high = (-(-side // BLOCK) * BLOCK for side in (size["width"], size["height"]))
     columns = int(np.ceil(np.sqrt(len(frames))))
@@ -203,8 +267,8 @@ def sheet(
             tile = _fitted(_gray(view.depth(t)), size, cv2.INTER_NEAREST)
         row, column = divmod(number, columns)
         whole[row * high :, column * wide :][: size["height"], : size["width"]] = tile
-    url = jpeg(whole) if kind == "rgb" else png(whole)
-    return {"url": url, "columns": columns, "tile": [wide, high]}
+    pack = partial(png, level=1) if len(frames) == 1 else webp if exact else jpeg
+    return {"url": pack(whole), "columns": columns, "tile": [wide, high], "exact": exact}
 
 
 def _fitted(image: np.ndarray, size: Mapping[str, int], how: int) -> np.ndarray:
@@ -222,6 +286,6 @@ def _numbered(ids: np.ndarray, numbers: Mapping[int, int]) -> UInt8[np.ndarray, 
 
 
 def _gray(depth: np.ndarray) -> UInt8[np.ndarray, "h w"]:
-    """White at 30 cm, by the inverse of the distance: what is near is told apart."""
+    """White at 30 cm, by the inverse of the distance: what is near is told apart. In as many levels as eyes tell."""
     near = np.where(depth > 0, 0.3 / np.maximum(depth, 0.3), 0)
-    return np.rint(255 * near).astype(np.uint8)
+    return (LEVELS * np.rint(255 / LEVELS * near)).astype(np.uint8)

@@ -5,9 +5,10 @@
 
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any
 
 from rpaug import instruct
@@ -25,6 +26,7 @@ from rpaug.scene.recorded.surfels import Surfels
 from rpaug.scene.targets import survey
 
 WORDS = 2**31  # the random stream of a copy's words: no step's
+MOST_STEPS = 128  # that a memory keeps: some ten draws of a long recipe
 ORIGINAL = 0
 """The copy number of an untouched episode; augmented copies count from 1."""
 
@@ -34,7 +36,7 @@ class PreparedEpisode:
     """What all copies of one episode share.
 
     `surfels` gives those of the recorded scene; without it each copy builds its own. Copies whose recorded actions no
-    longer hold are faulty unless `keep_invalid`.
+    longer hold are faulty unless `keep_invalid`. `memory` keeps what steps came to, for copies that are drawn again.
     """
 
     scene: Scene
@@ -43,6 +45,7 @@ class PreparedEpisode:
     surfels: Callable[[], Surfels] | None = None
     keep_invalid: bool = False
     device: str = "cpu"
+    memory: "StepMemory | None" = None
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,28 @@ def rendered(made: Made) -> Sequence[str]:
     return made.judged()
 
 
+@dataclass
+class StepMemory:
+    """What the latest steps came to. Under recipes that differ in one step, those before it need no second draw, and
+    what was found of their scenes is found again."""
+
+    _held: OrderedDict[Hashable, tuple[Scene, tuple[Scene, Draw]]] = field(
+        default_factory=OrderedDict
+    )
+
+    def take(
+        self, scene: Scene, key: Hashable, drawn: Callable[[], tuple[Scene, Draw]]
+    ) -> tuple[Scene, Draw]:
+        """What the step of that key came to in this very scene."""
+        key = id(scene), key  # no other scene has this id: the one is kept
+        if key not in self._held:
+            self._held[key] = scene, drawn()
+        self._held.move_to_end(key)
+        while len(self._held) > MOST_STEPS:
+            self._held.popitem(last=False)
+        return self._held[key][1]
+
+
 @dataclass(frozen=True)
 class Known:
     """A draw that was judged before: its number and, where a report has them, its described draws and its words."""
@@ -184,7 +209,7 @@ def draw_copy(
     seconds = 0.0
     for attempt in range(recipe.gates.tries if recipe.gates else 1):
         start = time.perf_counter()
-        edited, draws = draw(scene, recipe, copy, attempt)
+        edited, draws = draw(scene, recipe, copy, attempt, prepared.memory)
         seconds += time.perf_counter() - start
         if draws in judged:
             continue
@@ -224,7 +249,7 @@ def _made(
 
 
 def draw(
-    scene: Scene, recipe: Recipe, copy: int, attempt: int = 0
+    scene: Scene, recipe: Recipe, copy: int, attempt: int = 0, memory: StepMemory | None = None
 ) -> tuple[Scene, tuple[Draw, ...]]:
     """The scene after this copy's edits, and what was drawn.
 
@@ -233,24 +258,37 @@ def draw(
     """
     draws: list[Draw] = []
     for number, step in enumerate(recipe.steps):
-        first, rng = (recipe.generator(scene.episode.key, copy, number, n) for n in (0, attempt))
-        # What is drawn again is how an edit is done, not whether: else what often fails is done less than asked.
-        chance, _ = first.random(), rng.random()
-        chosen = step.draw(chance, rng)
-        edit, left_out = None, ""
-        if chosen:
-            try:
-                planning.check(chosen.operator, scene)
-                edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
-                edited = chosen.operator.apply(scene, edit)
-                planning.check_shown(chosen.operator, scene, edited)
-                scene = edited
-            except (TargetError, Unsupported) as error:
-                if recipe.on_missing == "fail":
-                    raise Missing(f"{scene.episode.key}: {chosen.name}: {error}") from None
-                edit, left_out = None, str(error)
-        draws.append(Draw(number, chosen, edit, left_out))
+        drawn = partial(_drawn, scene, recipe, number, copy, attempt)
+        if memory is None:
+            scene, one = drawn()
+        else:
+            key = (recipe.seed, recipe.on_missing, number, copy, attempt, step.describe())
+            scene, one = memory.take(scene, key, drawn)
+        draws.append(one)
     return scene, tuple(draws)
+
+
+def _drawn(
+    scene: Scene, recipe: Recipe, number: int, copy: int, attempt: int
+) -> tuple[Scene, Draw]:
+    """The scene after one step, and what was drawn. Raises Missing."""
+    step, key = recipe.steps[number], scene.episode.key
+    first, rng = (recipe.generator(key, copy, number, n) for n in (0, attempt))
+    # What is drawn again is how an edit is done, not whether: else what often fails is done less than asked.
+    chance, _ = first.random(), rng.random()
+    chosen = step.draw(chance, rng)
+    if chosen is None:
+        return scene, Draw(number, None, None)
+    try:
+        planning.check(chosen.operator, scene)
+        edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))
+        edited = chosen.operator.apply(scene, edit)
+        planning.check_shown(chosen.operator, scene, edited)
+    except (TargetError, Unsupported) as error:
+        if recipe.on_missing == "fail":
+            raise Missing(f"{key}: {chosen.name}: {error}") from None
+        return scene, Draw(number, chosen, None, str(error))
+    return edited, Draw(number, chosen, edit)
 
 
 def redraw(scene: Scene, described: Sequence[Mapping[str, Any]]) -> tuple[Scene, tuple[Draw, ...]]:

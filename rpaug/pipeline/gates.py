@@ -28,6 +28,11 @@ CURE = ": that share of what moves is invented, nobody recorded it from there; t
 CURES = {"moving": CURE, "torn": CURE}
 FAINT = 0.02  # brightest channel below which no hue can be told
 
+
+def _limit(default: float, words: str) -> Any:
+    return Field(default=default, description=words)
+
+
 Limit = Annotated[float, Field(ge=0)] | None
 
 
@@ -39,14 +44,20 @@ class Gates(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    tries: Annotated[int, Field(ge=1, le=100, strict=True)] = 3
-    outside: Annotated[int, Field(ge=0)] | None = 0
-    reprojection: Limit = 5.0
-    holes: Limit = 0.15
-    moving: Limit = 0.1
-    torn: Limit = 0.2
-    flicker: Limit = 2.0
-    color: Limit = 5.0
+    tries: Annotated[int, Field(ge=1, le=100, strict=True)] = _limit(
+        3, "How often a copy is drawn, at most, until it keeps the limits."
+    )
+    outside: Annotated[int, Field(ge=0)] | None = _limit(0, "Changed pixels where no edit reaches.")
+    reprojection: Limit = _limit(
+        5.0, "Millimetres, the median, between one camera's points and the next one's surface."
+    )
+    holes: Limit = _limit(0.15, "Share of invented pixels in a moved camera.")
+    moving: Limit = _limit(0.1, "Share of invented pixels among those of what moves.")
+    torn: Limit = _limit(0.2, "The same in the frames that have most of them.")
+    flicker: Limit = _limit(2.0, "Grey levels by which pixels at rest change more than recorded.")
+    color: Limit = _limit(
+        5.0, "CIEDE2000 between the color that a thing was to take and what it shows."
+    )
     self_check: bool = True
 
     @property

@@ -135,6 +135,12 @@ class Step:
         weights = np.array([option.weight for option in self.options])
         return self.options[int(rng.choice(len(self.options), p=weights / weights.sum()))]
 
+    def describe(self) -> str:
+        """In words that are the same for equal steps alone."""
+        return json.dumps(
+            [self.probability, [[one.name, one.fields, one.weight] for one in self.options]]
+        )
+
 
 @dataclass(frozen=True)
 class Recipe:

@@ -16,6 +16,10 @@ WHY = "no Chromium here: apt-get install chromium brings one"
 AXE = os.environ.get("RPAUG_AXE", "")
 WHY_NO_AXE = "RPAUG_AXE names no axe.min.js: npm pack axe-core brings it"
 
+FINDINGS = """const found=await axe.run();
+const bad=found.violations.filter((v)=>['serious','critical'].includes(v.impact));
+return bad.map((v)=>v.id+': '+v.nodes[0].html)"""
+
 
 def run(page: bytes, script: str, folder: Path, width: int = 1400, height: int = 1000) -> Any:
     """What the body of an async function returns in the page, as plain values."""

@@ -1,20 +1,23 @@
 """The preview: one page with images, words and gates of copies made ahead; in a browser it shows them."""
 
+import base64
 import json
+import os
 import re
 import shutil
 from pathlib import Path
 
 import browser
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.core import registry
+from rpaug.core import owner, registry
 from rpaug.pages import preview
-from rpaug.pages.session import Session, sheet
-from rpaug.pipeline import recipe
+from rpaug.pages.session import Session, sheet, smallest
+from rpaug.pipeline import journal, recipe
 
 RECIPE = {
     "version": 1,
@@ -68,7 +71,51 @@ def test_frames_lie_in_a_sheet_block_by_block() -> None:
     numbers = {one: n for n, one in enumerate(np.unique(view.ids(0)).tolist(), 1)}  # type: ignore[misc]
     made = sheet(view, "ids", [0, 4, 8], numbers)
     assert (made["columns"], made["tile"]) == (2, [128, 128])
-    assert made["url"].startswith("data:image/png;base64,")
+    assert made["url"].startswith("data:image/webp;base64,")
+    data = np.frombuffer(base64.b64decode(made["url"].split(",")[1]), np.uint8)
+    tile = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)[:128, 128:256]
+    assert view.ids is not None
+    expected = np.vectorize(lambda one: numbers.get(one, 0))(view.ids(4))
+    np.testing.assert_array_equal(tile[..., 0], expected)
+
+
+def test_frames_are_exact_where_that_is_no_larger_and_each_picture_is_there_once(
+    page: bytes,
+) -> None:
+    data = held(page)
+    (episode,) = data["episodes"]
+    view = registry.read(registry.SAMPLE, None).views["front"]
+    assert smallest(view, range(17))["exact"]  # rendered frames repeat what rests
+    assert not smallest(view, [0, 8, 16])["exact"]
+    for name, images in episode["before"].items():
+        assert episode["draws"][0]["images"][name]["after"]["exact"] == images["before"]["exact"]
+    assert len(set(data["images"])) == len(data["images"])
+    colors = recipe.build({"version": 1, "edits": RECIPE["edits"][:1]})  # type: ignore[index]
+    keys = preview.chosen(registry.SAMPLE, None, 1)
+    (same,) = held(preview.page(registry.SAMPLE, keys, colors, draws=2, frames=2))["episodes"]
+    first, second = (one["images"]["front"] for one in same["draws"])
+    assert (first["depth"], first["ids"]) == (second["depth"], second["ids"])
+
+
+def test_frames_that_are_left_out_are_said(page: bytes) -> None:
+    assert preview.thinned(200, preview.FEWER)[::11] == [0, 199]
+    assert b"of which" in page
+
+
+def test_a_dataset_that_is_being_written_is_named(
+    tmp_path: Path,
+) -> None:
+    shutil.copytree(registry.SAMPLE, root := tmp_path / "data")
+    assert preview.unfinished(root) == []
+    with owner.owned(root):
+        (note,) = preview.unfinished(root)
+        assert f"process {os.getpid()}" in note
+        given = ["preview", str(root), "--out", str(tmp_path / "p.html"), "--draws", "1"]
+        done = CliRunner().invoke(app, [*given, "--frames", "1"])
+        assert "is being written" in done.stderr
+        assert held((tmp_path / "p.html").read_bytes())["notes"] == [note]
+    (root / journal.NAME).write_text("{}\n")
+    assert "has not ended" in preview.unfinished(root)[0]
 
 
 def test_a_scene_is_built_once_for_recipes_that_need_the_same() -> None:

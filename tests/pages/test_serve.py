@@ -5,7 +5,7 @@ import socket
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,7 @@ def test_the_page_lists_episodes_and_what_is_in_one(running: serve.Server) -> No
     code, page = ask(running, "")
     assert code == 200
     assert b'"served": true' in page
-    told = json.loads(ask(running, f"episode?key={running.keys[0]}")[1])
+    told = json.loads(ask(running, f"found?key={running.keys[0]}")[1])
     assert told["frames"] == list(range(17))
     assert told["roles"]["manipulated"]["ids"] == [94, 201]
 
@@ -102,35 +102,120 @@ def test_a_taken_port_and_an_unknown_episode_are_named(running: serve.Server) ->
         pass
 
 
-@pytest.mark.skipif(browser.CHROMIUM is None, reason=browser.WHY)
-def test_the_form_edits_in_a_browser(
+def test_the_recorded_frame_is_there_before_anything_is_found(running: serve.Server) -> None:
+    told = json.loads(ask(running, f"episode?key={running.keys[0]}")[1])
+    assert (told["length"], told["instances"]) == (17, [])
+    assert told["before"]["front"]["before"]["url"].startswith("data:image/")
+    later = json.loads(ask(running, f"recorded?key={running.keys[0]}&frame=8")[1])
+    assert later["before"]["front"] != told["before"]["front"]
+    assert ask(running, f"recorded?key={running.keys[0]}&frame=17")[0] == 400
+    assert "doing" in json.loads(ask(running, "doing")[1])
+
+
+FORM = """
+const status=()=>document.querySelector('#status').textContent;
+const until=async(ready)=>{while(!ready()) await new Promise((done)=>setTimeout(done,50))};
+const drawn=()=>until(()=>/^drawn in [0-9.]+ s$/.test(status())&&!document.querySelector('canvas[aria-busy=true]'));
+const yaml=(words)=>until(()=>document.querySelector('#yaml').textContent.includes(words));
+const inside=(edit,label)=>document.querySelector(`[data-edit="${edit}"] :is(input,select)[aria-label="${label}"]`);
+const unfold=async()=>{for(const one of document.querySelectorAll('#editor details')) one.open=true;
+    await new Promise((done)=>setTimeout(done,300))};
+const give=(one,value)=>{one.value=value;one.dispatchEvent(new Event('input'));one.dispatchEvent(new Event('change'))};
+const press=(label)=>document.querySelector(`#editor button[aria-label="${label}"]`).click();
+const add=(label,name)=>{give(document.querySelector(`#editor select[aria-label="${label}"]`),name);press(label)};
+await drawn();
+"""
+
+
+@pytest.fixture
+def form(
     running: serve.Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+) -> Callable[..., Any]:
+    """Runs a script in the page of the server, which starts with `RECIPE`."""
+    if browser.CHROMIUM is None:
+        pytest.skip(browser.WHY)
+    running.recipe = recipe.build(RECIPE)
+    page = running.page()
+
+    def run(script: str, width: int = 1400, more: bytes = b"") -> Any:
+        monkeypatch.setattr(running, "page", lambda: page + more + browser.asking(FORM + script))
+        return browser.visit(running.url, tmp_path, width)
+
+    return run
+
+
+def test_the_form_edits_in_a_browser(form: Callable[..., Any]) -> None:
     script = """
-    const status=()=>document.querySelector('#status').textContent;
-    const until=async(ready)=>{while(!ready()) await new Promise((done)=>setTimeout(done,50))};
-    const drawn=()=>until(()=>/^[0-9.]+ s$/.test(status())&&!document.querySelector('canvas[aria-busy=true]'));
     const seen=()=>{const c=document.querySelector('canvas[data-camera=front]');
         return [...c.getContext('2d').getImageData(0,0,c.width,c.height).data].reduce((a,b)=>a+b,0)};
-    const field=(name)=>document.querySelector('#'+[...document.querySelectorAll('#editor label')]
-        .find((one)=>one.textContent===name).htmlFor);
-    const type=async(value,words)=>{const one=field('color');one.value=value;one.dispatchEvent(new Event('input'));
-        await until(()=>document.querySelector('#yaml').textContent.includes(words)||status().includes(words))};
-    await drawn();
     const blue=seen();
-    await type('yellow','yellow');await drawn();
+    give(inside('1','color'),'yellow');await yaml('yellow');await drawn();
     const yellow=seen();
-    await type('bluu','did you mean');
-    const said=status();
-    await type('red','red');
-    const add=document.querySelector('#editor select[aria-label="add an edit"]');
-    add.value='light_color';add.dispatchEvent(new Event('change'));
-    await until(()=>document.querySelector('#yaml').textContent.includes('light_color'));
-    return [blue!==yellow,said,document.querySelectorAll('#editor fieldset').length];
+    const told=()=>status()+document.querySelector('#drawn').textContent;
+    give(inside('1','role'),'nobody');await until(()=>/left out|nobody/.test(told()));
+    give(inside('1','role'),'manipulated');give(document.querySelector('#editor input[type=number]'),'-1');
+    await until(()=>status().includes('seed'));
+    const said=[status(),document.body.classList.contains('stale')];
+    give(document.querySelector('#editor input[type=number]'),'3');await yaml('seed: 3');
+    return [blue!==yellow,...said,document.body.classList.contains('stale')];
     """
-    page = running.page()
-    monkeypatch.setattr(running, "page", lambda: page + browser.asking(script))
-    changed, said, edits = browser.visit(running.url, tmp_path)
+    changed, said, stale, later = form(script)
     assert changed
-    assert "blue" in said
-    assert edits == 2
+    assert "at least 0" in said
+    assert (stale, later) == (True, False)  # pictures of another recipe are shown as such
+
+
+def test_lists_gates_and_ranges_have_fields_of_their_own(form: Callable[..., Any]) -> None:
+    script = """
+    add('add an edit','one_of');await yaml('one_of');
+    add('add an alternative to edit 2','light_color');
+    await yaml('light_color');
+    press('remove edit 2.1');await until(()=>!document.querySelector('[data-edit="2.3"]'));
+    give(inside('2','probability'),'0.5');await yaml('0.5');
+    add('add an edit','distractors');await unfold();give(inside('3','size, from'),'0.05');
+    give(inside('3','size, to'),'0.1');await yaml('[0.05, 0.1]');
+    press('move edit 3 earlier');
+    give(inside('gates','gates: what a copy must keep'),'limits');
+    give(inside('gates','holes'),'0.3');await yaml('holes: 0.3');
+    const none=inside('gates','no limit of torn');none.checked=true;none.dispatchEvent(new Event('change'));
+    await yaml('torn: null');
+    await unfold();
+    const controls=[...document.querySelectorAll('#editor input,#editor select,#editor button')];
+    const named=(one)=>one.getAttribute('aria-label')||(one.labels&&one.labels.length)||one.textContent;
+    const nameless=controls.filter((one)=>!named(one));
+    return [document.querySelector('#yaml').textContent,controls.length,nameless.length,
+        controls.filter((one)=>one.tabIndex<0).length,
+        document.querySelector('[data-edit=gates]').textContent.includes('invented pixels')];
+    """
+    text, controls, nameless, unreachable, told = form(script)
+    made = recipe.build(recipe.parse(text.encode(), "y")[0]).source
+    assert [one.get("op", "one_of") for one in made["edits"]] == [
+        "recolor",
+        "distractors",
+        "one_of",
+    ]
+    assert [one["op"] for one in made["edits"][2]["one_of"]] == ["retexture", "light_color"]
+    assert made["edits"][1]["size"] == [0.05, 0.1]
+    assert made["gates"] == {"holes": 0.3, "torn": None}
+    assert controls > 60
+    assert (nameless, unreachable) == (0, 0)
+    assert told
+
+
+OPENED = """
+give(inside('gates','gates: what a copy must keep'),'limits');await yaml('gates');
+add('add an edit','one_of');await yaml('one_of');await unfold();
+"""
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_form_fits_a_desk_and_a_phone(form: Callable[..., Any], width: int) -> None:
+    wide, inner = form(f"{OPENED}return [document.documentElement.scrollWidth,innerWidth]", width)
+    assert wide <= inner
+
+
+@pytest.mark.skipif(not browser.AXE, reason=browser.WHY_NO_AXE)
+@pytest.mark.parametrize("width", [1400, 390])
+def test_axe_has_no_serious_findings_in_the_form(form: Callable[..., Any], width: int) -> None:
+    axe = b"<script>" + Path(browser.AXE).read_bytes() + b"</script>"
+    assert form(OPENED + browser.FINDINGS, width, axe) == []

@@ -1,4 +1,5 @@
-"""A session's masks: every instance that any frame of a page shows has one number, whatever the frames' order."""
+"""A session draws what a run writes, anew only what a change of the recipe asks for; in its masks every instance that
+any frame of a page shows has one number, whatever the frames' order."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,10 +7,15 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from runs import augment
 
+from rpaug.core import registry
+from rpaug.core.types import Scene
 from rpaug.pages.session import Session
+from rpaug.pipeline import copies, recipe
 from rpaug.pipeline.copies import Made
 
 RECORDED, ADDED, LENGTH = (3, 7, 12), (40, 41, 55), 4
@@ -51,3 +57,50 @@ def test_what_any_frame_shows_has_a_number(shown: list[list[int]], frames: list[
     assert sorted(numbers.values()) == list(range(1, len(numbers) + 1))  # 0 is nothing
     assert [numbers[one] for one in RECORDED] == [1, 2, 3]  # as on the page of the recording
     assert numbers == session()._numbers(made(shown), frames[::-1])
+
+
+ROOM = {"op": "distractors", "count": 1}
+RECIPES: tuple[list[dict[str, Any]], ...] = (
+    [{"op": "recolor", "target": {"role": "manipulated"}, "color": "blue"}, ROOM],
+    [{"op": "light_color"}],
+    [{"op": "table_texture"}, ROOM, {"op": "camera_pose", "camera": "front", "shift": 0.05}],
+    [{"op": "table_texture"}, ROOM, {"op": "camera_pose", "camera": "front", "shift": 0.02}],
+)
+
+
+def test_frames_are_those_that_a_run_writes_whatever_was_drawn_before(tmp_path: Path) -> None:
+    session, top = Session(registry.SAMPLE), {"version": 1, "seed": 5, "gates": False}
+    asked = [recipe.build({**top, "edits": edits}) for edits in RECIPES]
+    for one in (*asked, *asked[::-1]):
+        session.made(one, 1, judged=False)
+    for number in (1, 3):
+        out = tmp_path / str(number)
+        augment(registry.SAMPLE, asked[number], out)
+        adapter = registry.adapter_for(out)
+        (key,) = adapter.episodes(out)
+        written, drawn = (
+            adapter.read(out, key),
+            session.made(asked[number], 1, judged=False).recorded,
+        )
+        for name, view in written.views.items():
+            for t in (0, 9):
+                np.testing.assert_array_equal(drawn.views[name].rgb(t), view.rgb(t))
+                np.testing.assert_array_equal(drawn.views[name].ids(t), view.ids(t))  # type: ignore[misc]
+
+
+def test_a_recipe_that_differs_in_its_last_step_draws_that_one_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    session, drawn = Session(registry.SAMPLE), []
+    kept = copies._drawn
+
+    def watched(scene: Scene, made: recipe.Recipe, number: int, *rest: int) -> Any:
+        drawn.append(number)
+        return kept(scene, made, number, *rest)
+
+    monkeypatch.setattr(copies, "_drawn", watched)
+    for edits in (RECIPES[2], RECIPES[3], RECIPES[2]):
+        session.made(recipe.build({"version": 1, "edits": edits}), 1, judged=False)
+    assert drawn == [0, 1, 2, 2]
+    session.made(recipe.build({"version": 1, "seed": 1, "edits": RECIPES[2]}), 1, judged=False)
+    assert drawn[4:] == [0, 1, 2]

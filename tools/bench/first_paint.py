@@ -82,7 +82,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = dataset(Path(folder), given.episodes)
         keys = preview.chosen(root, None, given.episodes)
-        page = preview.page(root, keys, inputs.recipe("demo"), draws=given.draws, frames=24)
+        page = preview.page(root, keys, inputs.recipe("demo"), draws=given.draws)
     first, whole = (
         statistics.median(one)
         for one in zip(*(measured(page) for _ in range(REPEATS)), strict=True)

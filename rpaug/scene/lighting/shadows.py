@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
 from rpaug.core import geometry, sampling
-from rpaug.core.memo import bare, once
+from rpaug.core.memo import last
 from rpaug.core.pixels import grown
 from rpaug.core.types import Body, Relit, Rig, Scene, Surface
 from rpaug.scene.lighting import light, rig
@@ -156,8 +156,8 @@ def lamps(scene: Scene) -> Cast:
 
 
 def of_table(scene: Scene) -> list[list[float]]:
-    """Lamps by the shadows on the table alone."""
-    return _lamps(bare(scene))
+    """Lamps by the recorded shadows on the table alone: what was edited casts none of them."""
+    return _lamps(rig.recorded(scene))
 
 
 def plain(lamps: Rig) -> dict[str, Any]:
@@ -172,7 +172,7 @@ def rig_of(cast: Mapping[str, Any]) -> Rig:
     return Rig(float(cast["ambient"]), directions, tuple(map(float, cast["strengths"])))
 
 
-@once
+@last
 def _lamps(scene: Scene) -> list[list[float]]:
     table = None if placing.roving(scene) else _table(scene, COARSE)
     looks = [] if table is None else _looks(scene, table)

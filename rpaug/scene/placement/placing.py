@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Float32, Float64
 
 from rpaug.core import geometry, sampling
 from rpaug.core.errors import SourceLacks, TargetError
-from rpaug.core.memo import bare, once
+from rpaug.core.memo import bare, last
 from rpaug.core.types import Body, Camera, Scene
 from rpaug.scene.placement import free_space_rgb, swept
 from rpaug.scene.placement.free_space import CELL, FreeSpace, cells_of, disc
@@ -39,7 +39,7 @@ def find_free_space(scene: Scene, leaving: Iterable[int] = ()) -> FreeSpace:
     return _room(bare(scene), frozenset(leaving))
 
 
-@once
+@last
 def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     support = scene.roles.get("table")
     if not support:

@@ -37,6 +37,12 @@ def test_the_lamps_of_the_twin_are_found(shaded):
     assert (np.abs(found[:, 3] - 0.22) < 0.1).all()
 
 
+def test_lamps_are_sought_in_what_was_recorded_whatever_was_edited_since(shaded):
+    take, scene = shaded
+    gone = without(scene, [take.truth.handles["block_textured"]])
+    assert shadows.of_table(gone) == shadows.of_table(scene)
+
+
 def test_without_shadows_none_are_found():
     assert shadows.lamps(recorded()[1]) == []
 
