@@ -45,7 +45,7 @@ NAVIGATION: Mapping[str, tuple[str, ...]] = {
         "reports.md",
     ),
     "Operators": ("operators.md", "operators/*", "objects.md", "physics.md", "textures.md"),
-    "Datasets": ("formats.md", "video.md", "rgb_only.md", "calibrate.md", "readers.md", "scale.md"),
+    "Datasets": ("formats.md", "convert.md", "video.md", "rgb_only.md", "calibrate.md", "readers.md", "scale.md"),
     "Training": ("training.md", "diagnose.md", "loop.md", "twin.md"),
     "How it works": ("tiers.md", "fit.md", "models.md", "weights.md", "cache.md", "why/*"),
     "Figures": ("benchmarks.md", "bench.md", "foreign.md", "benchmarks/*", "wishes.md"),
