@@ -3,6 +3,7 @@
 import re
 from dataclasses import fields
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import rpaug_recipes
@@ -24,6 +25,9 @@ PAGES = [
     ROOT / "examples/README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
+SCREEN, WIDE = 50, 130  # rows of a screen and characters of a row, in an editor as on the site
+FRONT = 160
+ONE_ROW = ("|", "`python ")  # tables, and their commands, scroll sideways
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -35,6 +39,33 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), target
+
+
+def test_links_outwards_are_whole_and_stand_once() -> None:
+    """No network is asked. What lies at an address is looked up where the page needs it, not here."""
+    texts = [page.read_text() for page in (*PAGES, *(ROOT / "docs/notebooks").glob("*.ipynb"))]
+    found = [url for text in texts for url in re.findall(r"https?:[^\s)>\"'`]+", text)]
+    outwards = [url for url in found if urlsplit(url).hostname not in ("localhost", "127.0.0.1")]
+    assert len(outwards) > 5
+    for url in outwards:
+        parts = urlsplit(url)
+        assert parts.scheme == "https", url
+        assert re.fullmatch(r"[a-z0-9-]+(\.[a-z0-9-]+)+", parts.netloc), url
+        assert not re.search(r"[.,;:]$|//", parts.path), url
+    assert len(outwards) == len(set(outwards)), sorted(outwards)
+
+
+def test_pages_are_two_screens_at_most() -> None:
+    """README, the front page, is kept from growing; each operator has a page of the site to itself."""
+    for page in PAGES:
+        parts = [page.read_text()]
+        if page == ROOT / "docs/operators.md":
+            parts = parts[0].split("\n## ")
+        most = FRONT if page == ROOT / "README.md" else 2 * SCREEN
+        for part in parts:
+            lines = part.splitlines()
+            rows = sum(1 if one.startswith(ONE_ROW) else -(-len(one) // WIDE) or 1 for one in lines)
+            assert rows <= most, f"{page.name}, {lines[0]}: {rows} rows"
 
 
 def test_every_page_is_linked_from_another() -> None:
