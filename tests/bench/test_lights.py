@@ -19,12 +19,12 @@ def test_a_row_holds_means_over_seeds_and_the_best_that_knows_no_more() -> None:
     rows = [row("object_color", TOLD, 50.0), row("object_color", TOLD, 40.0, 1)]
     rows += [row("object_color", ESTIMATED, 35.0), row("object_color", edits.LAB, 30.0)]
     rows += [row("object_color", edits.NONE, 20.0), row("camera_pose", TOLD, 27.0)]
-    made = lights.table(edits.EditSetting(light="shadows"), rows, "python -m tools.bench.edits")
+    made = lights.table(edits.EditSetting(light="shadows", seeds=3), rows, "python -m tools")
     aimed = {"value": 35.0, "target": ">= 33"}
     leads = [{"value": lead, "target": ">= 0"} for lead in (20.0, 15.0)]
     assert made.rows == [
-        ["object_color", 45.0, 40.0, 30.0, leads[0], aimed, 35.0, 20.0, leads[1], 2.0, 0],
-        ["camera_pose", 27.0, 27.0, "-", "-", "-", "-", "-", "-", 2.0, 0],
+        ["object_color", 45.0, 40.0, 30.0, leads[0], aimed, 35.0, 20.0, leads[1], 2.0, 1],
+        ["camera_pose", 27.0, 27.0, "-", "-", "-", "-", "-", "-", 2.0, 2],
     ]
     found = dict(zip(made.columns, made.rows[0], strict=True))
     assert found["least lead, estimated"] == leads[1]

@@ -13,14 +13,17 @@ from rpaug.core.interfaces import Edit
 from rpaug.core.types import Episode
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
+from rpaug.operators.move import Move
 from rpaug.scene import build
 from rpaug.scene.lighting import albedo, light, rig, shadows
+from rpaug.scene.targets.targets import Target
 from rpaug.twin import LAMPS, RIG, Laid, Take, TwinLamp
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
 from tools.bench.harness import baselines
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
+CYLINDER = "cylinder"  # no task acts on it
 
 
 Colors = dict[int | None, tuple[Any, Any]]
@@ -155,6 +158,25 @@ def _scale(true: Take) -> float:
     return scale
 
 
+def _drawn_move(take: Take) -> Edit:
+    """Where `move` puts the cylinder, unturned. Raises RpaugError where no place is free."""
+    mover = Move(target=Target(handle=take.truth.handles[CYLINDER]), turn=0.0)
+    scene = build.build(take.episode, with_bodies=True)
+    return mover.sample(scene, np.random.default_rng(take.truth.seed))
+
+
+def _drawn_place(take: Take) -> tuple[float, ...]:
+    """The same as a shift in the frame of the thing."""
+    shift = np.array(_drawn_move(take)["motion"])[:3, 3]
+    return tuple((take.poses[CYLINDER][0, :3, :3].T @ shift).tolist())
+
+
+def _move(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    (instance_id,) = true.truth.changed
+    fields = {"target": {"handle": instance_id}, "turn": 0.0}
+    return (Ask(TOLD, (fields,), _drawn_move(recorded)),)
+
+
 def drawn_things(take: Take) -> tuple[Extra, ...]:
     """Two things of the library where `distractors` would put them."""
     scene = build.build(take.episode, with_bodies=True)
@@ -238,7 +260,7 @@ CASES: Mapping[str, FactorCase] = {
     "object_size": FactorCase(
         "object_size",
         _object_size,
-        targets=("cylinder",),
+        targets=(CYLINDER,),
         baseline=(
             "scaling in each picture",
             lambda recorded, true: baselines.scaled(
@@ -246,6 +268,7 @@ CASES: Mapping[str, FactorCase] = {
             ),
         ),
     ),
+    "object_place": FactorCase("move", _move, targets=(CYLINDER,), value=_drawn_place),
     "distractor": FactorCase(
         "distractors",
         _distractors,

@@ -165,7 +165,11 @@ def _one(
     setting: EditSetting, factor: str, seed: int, warm: set[str], keep: Callable[[EditTrial], None]
 ) -> Iterator[EditRow]:
     case, judge = CASES[factor], perceptual.opened(setting.eyes)
-    recorded, true = _takes(setting, case, factor, seed)
+    try:
+        recorded, true = _takes(setting, case, factor, seed)
+    except RpaugError as error:  # nothing can be changed truly: where the operator draws it
+        print(f"{factor}, seed {seed}: {error}", file=sys.stderr)
+        return
     made: dict[str, Episode] = {}
     with tempfile.TemporaryDirectory() as folder:
         for method, make in _methods(setting, case, recorded, true, seed, Path(folder)):

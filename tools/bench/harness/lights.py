@@ -59,7 +59,7 @@ def table(setting: EditSetting, rows: Sequence[EditRow], command: str) -> pages.
                 _best(mine, BASELINES - TOLD_MORE),
                 _aimed(_least(_leads(mine, ESTIMATED)), 0),
                 _mean(_figures(mine, {ESTIMATED}, "seconds") or _figures(mine, {TOLD}, "seconds")),
-                len({row.seed for row in mine} - made),
+                setting.seeds - len(made),
             ]
         )
     columns = ["factor"]
