@@ -134,7 +134,7 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
     "recolor": (
         recorded("object_color (7 objects)"),
         foreign("object_color"),
-        Measured("rgb_only", "twin", TASKS, "inside, dB (unedited)", "one task of six refused"),
+        Measured("rgb_only", "twin", TASKS, "inside, dB (unedited)", "two tasks of six refused"),
         photographed("recolor"),
     ),
     "retexture": (
