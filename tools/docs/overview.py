@@ -209,7 +209,7 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
         NO,
         photographed("removed, seen background", "of what some camera saw"),
     ),
-    "move": (OPEN, OPEN, NO, put_elsewhere("moved")),
+    "move": (Measured("placing", "moved", "move", "dB"), OPEN, NO, put_elsewhere("moved")),
     "duplicate": (OPEN, OPEN, NO, put_elsewhere("duplicated")),
     "spread": (OPEN, OPEN, NO, OPEN),
     "shadows": (OPEN, OPEN, NO, OPEN),
