@@ -18,6 +18,7 @@ ORDINARY: tuple[dict[str, Any], ...] = (
     {"op": "light_color"},
     {"op": "camera_pose", "camera": "static"},
 )
+PATIENCE = 0.5  # seconds
 PAUSE = 0.05  # seconds between two looks whether somebody waits
 
 
@@ -50,10 +51,10 @@ class Rehearsal:
         self._changed.set()
 
     def end(self) -> None:
-        """Stop after what is being drawn."""
+        """Stop, without waiting long for what is being drawn: it ends with the process."""
         self._ended = True
         self._changed.set()
-        self._thread.join()
+        self._thread.join(PATIENCE)
 
     def _run(self) -> None:
         while not self._ended:
