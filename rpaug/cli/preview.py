@@ -3,6 +3,7 @@
 import os
 import sys
 import webbrowser
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -59,7 +60,8 @@ def preview(
         with server(dataset, loaded, episode, port) as running:
             say(f"{running.url} shows the preview; Ctrl-C ends it")
             _opened(running.url, open_)
-            running.serve_forever()
+            with suppress(KeyboardInterrupt):  # the one way to end it
+                running.serve_forever()
         return 0
     pages.replaced(out)
     keys = pages.chosen(dataset, episode, episodes)

@@ -55,7 +55,7 @@ async function paint(canvas, name) {
   else if (state.mode === "difference") put(difference(before, after, size));
   else if (state.mode === "depth" && other) put(other);
   else put(after);
-  if (state.mode === "split") split(context, canvas, before, size, scale);
+  if (state.mode === "split" && made) split(context, canvas, before, size, scale);
   if (state.mode === "instances" && other) outline(context, other.data, size, scale);
   canvas.setAttribute("aria-busy", "false");
 }

@@ -18,6 +18,8 @@ ORDINARY: tuple[dict[str, Any], ...] = (
     {"op": "light_color"},
     {"op": "camera_pose", "camera": "static"},
 )
+NEXT = (2, 3, 4)  # copies that are looked at after the first
+PATIENCE = 0.5  # seconds
 PAUSE = 0.05  # seconds between two looks whether somebody waits
 
 
@@ -50,10 +52,10 @@ class Rehearsal:
         self._changed.set()
 
     def end(self) -> None:
-        """Stop after what is being drawn."""
+        """Stop, without waiting long for what is being drawn: it ends with the process."""
         self._ended = True
         self._changed.set()
-        self._thread.join()
+        self._thread.join(PATIENCE)
 
     def _run(self) -> None:
         while not self._ended:
@@ -74,13 +76,19 @@ class Rehearsal:
 
 
 def pieces(session: Session, recipe: Recipe) -> Iterator[Callable[[], object]]:
-    """Work that later requests need: what is in the episode, the recipe's first copy, then each ordinary edit beside
-    those of the recipe, and that copy again: its answers are the latest that are kept."""
+    """Work that later requests need: what is in the episode, the recipe's first copy, each ordinary edit beside those
+    of the recipe, the next copies, and the first again: its answers are the latest that are kept."""
+
+    def drawn(asked: Recipe, copy: int = 1) -> Callable[[], object]:
+        return lambda: session.drawn(asked, copy, [0], judged=False)
+
     yield lambda: session.found
-    yield lambda: session.drawn(recipe, 1, [0], judged=False)
+    yield drawn(recipe)
     for edit in ORDINARY:
         with suppress(RpaugError):  # the recipe names what only this episode has
-            more = {**recipe.source, "edits": [*recipe.source.get("edits", ()), edit]}
-            other = recipes.build(more)
-            yield lambda other=other: session.drawn(other, 1, [0], judged=False)  # type: ignore[misc]
-    yield lambda: session.drawn(recipe, 1, [0], judged=False)
+            yield drawn(
+                recipes.build({**recipe.source, "edits": [*recipe.source.get("edits", ()), edit]})
+            )
+    for copy in NEXT:
+        yield drawn(recipe, copy)
+    yield drawn(recipe)

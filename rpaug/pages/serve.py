@@ -129,7 +129,7 @@ class Server(ThreadingHTTPServer):
         }
 
     def server_close(self) -> None:
-        """Free the port, after what is being drawn."""
+        """Free the port."""
         super().server_close()
         self._rehearsal.end()
 

@@ -3,6 +3,7 @@
 import json
 import socket
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -11,7 +12,9 @@ from typing import Any
 
 import browser
 import pytest
+from typer.testing import CliRunner
 
+from rpaug.cli import app
 from rpaug.core import registry
 from rpaug.core.errors import BadInput
 from rpaug.pages import serve
@@ -110,6 +113,17 @@ def test_the_recorded_frame_is_there_before_anything_is_found(running: serve.Ser
     assert later["before"]["front"] != told["before"]["front"]
     assert ask(running, f"recorded?key={running.keys[0]}&frame=17")[0] == 400
     assert "doing" in json.loads(ask(running, "doing")[1])
+
+
+def test_ctrl_c_is_how_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(_: serve.Server) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(serve.Server, "serve_forever", stopped)
+    start = time.monotonic()
+    done = CliRunner().invoke(app, ["preview", "sample", "--serve", "--port", "0", "--no-open"])
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert time.monotonic() - start < 20  # what was being drawn is not waited for
 
 
 FORM = """
