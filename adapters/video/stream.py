@@ -124,9 +124,10 @@ def _frames(file: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
     """Frames as they are decoded; what does not decode is passed over."""
     for packet in file.demux(stream):
         try:
-            yield from packet.decode()
+            decoded = packet.decode()
         except FFmpegError:
             continue
+        yield from decoded  # not within: Python ends open readers when names are gone already
 
 
 def _words(error: Exception) -> str:

@@ -54,7 +54,8 @@ class SolidView(live.LiveView):
 
     def _shown(self, one: MeshInPlace) -> bool:
         """Whether a mesh stands for its pixels."""
-        return one.solid and self.colored != INSTANCE and PUT_IN not in self.hidden
+        wanted = one.solid and self.colored != INSTANCE
+        return wanted and not self.hidden & {PUT_IN, one.name}
 
     def _draw(
         self,

@@ -218,6 +218,11 @@ def test_what_was_put_in_is_shown_with_its_texture(drawn: solid.SolidView) -> No
     assert np.array_equal(
         np.asarray(shown.visual.material.baseColorTexture.convert("RGB")), mesh.mesh.image
     )
+    drawn.toggle(mesh.name, False)
+    assert not node.visible
+    assert handle(drawn, f"/instances/{mesh.name}") is None
+    drawn.toggle(mesh.name, True)
+    assert node.visible
     drawn.toggle(solid.PUT_IN, False)
     assert not node.visible
     assert handle(drawn, f"/instances/{mesh.name}") is not None

@@ -448,3 +448,15 @@ def test_a_clip_of_a_video_that_is_not_there_is_refused(tmp_path: Path) -> None:
     (tmp_path / "walk.mp4").write_bytes(b"")
     with pytest.raises(BadInput, match=r"clips\.0\.video: found nowhere; .*beside it: walk"):
         Videos().episodes(tmp_path)
+
+
+def test_a_reader_that_is_left_open_ends_quietly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Python ends it: the module's names are gone by then."""
+    write(tmp_path / "a.mp4", 6)
+    with av.open(str(tmp_path / "a.mp4")) as file:
+        frames = video_stream._frames(file, file.streams.video[0])
+        next(frames)
+        monkeypatch.setattr(video_stream, "FFmpegError", None)
+        frames.close()
