@@ -1,5 +1,6 @@
 """The preview for editing: frames under the form's recipe, for this machine's own page alone."""
 
+import io
 import json
 import socket
 import threading
@@ -92,6 +93,16 @@ def test_nobody_else_is_answered(running: serve.Server) -> None:
 def test_a_connection_that_stays_silent_holds_up_nobody(running: serve.Server) -> None:
     with socket.create_connection(running.server_address[:2]):
         assert ask(running, "")[0] == 200
+
+
+def test_a_page_that_is_closed_while_it_waits_is_no_fault() -> None:
+    class Gone(io.BytesIO):
+        def write(self, _: Any) -> int:
+            raise ConnectionResetError
+
+    handler = serve._Handler.__new__(serve._Handler)
+    handler.request_version, handler.requestline, handler.wfile = "HTTP/1.1", "GET /", Gone()
+    handler._answer(200, b"late", "text/plain")
 
 
 def test_a_taken_port_and_an_unknown_episode_are_named(running: serve.Server) -> None:
