@@ -16,7 +16,9 @@ kept_scenes = (
     1  # whose answers `last` keeps: those that go episode by episode need one, training sets more
 )
 
-OF_FIELDS = {kind: attrgetter(*(f.name for f in fields(kind))) for kind in (Scene, Episode)}
+OF_FIELDS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
+    kind: attrgetter(*(f.name for f in fields(kind))) for kind in (Scene, Episode)
+}
 
 Found = TypeVar("Found")
 
@@ -57,12 +59,19 @@ def _remembering(find: Callable[..., Found], most: Callable[[], int]) -> Callabl
 def _same(one: object, other: object) -> bool:
     if one is other:
         return True
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
-    for kind, values in OF_FIELDS.items():
-        if isinstance(one, kind) and isinstance(other, kind):
-            return all(map(_same, values(one), values(other)))
-    return isinstance(one, PLAIN) and one == other
+    kind = type(one)
+    if kind is not type(other):
+        return False
+    if kind is tuple or kind in OF_FIELDS:
+        values = OF_FIELDS.get(kind, tuple)
+        parts, others = values(one), values(other)
+        if len(parts) != len(others):
+            return False
+        return all(
+            part is beside or _same(part, beside)
+            for part, beside in zip(parts, others, strict=True)
+        )
+    return kind in PLAIN and one == other
 
 
 def bare(scene: Scene) -> Scene:
