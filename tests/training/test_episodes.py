@@ -12,6 +12,7 @@ from rpaug_adapters.rlbench import RLBench
 from torch.utils.data import DataLoader
 
 from rpaug import CameraView, Episode, Unsupported
+from rpaug.core import memo
 from rpaug.pipeline import recipe
 from rpaug.pipeline.augment import Run, execute
 from rpaug.training import AugmentedEpisodes
@@ -163,3 +164,24 @@ def test_what_augment_skips_comes_as_recorded_and_is_told(
             assert all(
                 np.array_equal(item["cameras"][name]["rgb"][t], view.rgb(t)) for t in range(6)
             )
+
+
+def test_an_epoch_asks_no_more_of_what_is_remembered_than_the_one_before(
+    episodes: AugmentedEpisodes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared, same = [], memo._same
+
+    def counted(one: object, other: object) -> bool:
+        compared.append(one)
+        return same(one, other)
+
+    def of(epoch: int) -> int:
+        compared.clear()
+        episodes.set_epoch(epoch)
+        assert not episodes[0]["skipped"]
+        return len(compared)
+
+    monkeypatch.setattr(memo, "_same", counted)
+    early = [of(epoch) for epoch in range(6)][-1]
+    late = [of(epoch) for epoch in range(6, 26)][-1]
+    assert 0 < late <= early + 20

@@ -126,7 +126,6 @@ def turned(lamps: Rig, heading: float, higher: float) -> Rig:
     return replace(lamps, directions=tuple(moved))
 
 
-@memo.last
 def recorded(scene: Scene) -> Scene:
     """The scene as it was recorded, whatever was edited since: lamps and shadows are sought there."""
     bodies = tuple(body for body in scene.tracked if body.mesh is None and body.soft is None)

@@ -287,12 +287,16 @@ def _figures(trial: Trial, factor: str) -> dict[str, Any]:
 
 
 def twins() -> dict[str, float]:
-    """The given figure of each factor on the twin where its images are hardest: what foreign worlds have at once."""
-    (hard,) = (table for table in pages.load("appearance").tables if table.id == "hard")
-    columns = [hard.columns.index(name) for name in ("anti-aliased", "specular", "cast shadows")]
-    return {
-        str(row[0]): min(float(str(row[k]).split(" / ")[0]) for k in columns) for row in hard.rows
-    }
+    """The given figure of each factor on the twin where it is least: under highlights, or under cast shadows."""
+    kinds = (("highlights", "highlights"), ("lights", "shadows"), ("lights", "others"))
+    found = dict[str, float]()
+    for topic, name in kinds:
+        (table,) = (one for one in pages.load(topic).tables if one.id == name)
+        for row in table.rows:
+            factor, given = str(row[0]), pages.plain(row[table.columns.index("given")])
+            if given != "-":
+                found[factor] = min(float(given), found.get(factor, float(given)))
+    return found
 
 
 def rows(
