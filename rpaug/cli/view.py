@@ -31,7 +31,7 @@ def view(
 
     Example: [bold]rpaug view sample --recipe demo[/]
     """
-    from rpaug.pages import rerun_file, solid, space
+    from rpaug.pages import live, rerun_file, space
     from rpaug.pipeline import inputs
 
     drawn = inputs.recipe(recipe, set_ or []) if recipe else None
@@ -47,7 +47,7 @@ def view(
         else:
             say(f"{frames} frames in {rerun}; `rerun {rerun}` opens it")
         return 0
-    with solid.SolidView(shown, port) as running:
+    with live.LiveView(shown, port) as running:
         say(f"{running.url} shows {shown.title}; Ctrl-C ends it")
         running.server.sleep_forever()
     return 0

@@ -9,7 +9,6 @@ __all__ = [
     "preview",
     "rerun_file",
     "serve",
-    "solid",
     "space",
     "told",
 ]

@@ -17,7 +17,7 @@ from rerun.chunk import Chunk, RrdReader
 from rpaug.core import geometry, registry
 from rpaug.core.errors import BadInput, MissingExtra
 from rpaug.core.types import Gaussians
-from rpaug.pages import live, rerun_file, solid
+from rpaug.pages import live, rerun_file
 from rpaug.pages.space import Space, of_episode
 from rpaug.pipeline import recipe
 
@@ -108,20 +108,28 @@ def test_what_is_drawn_follows_the_frame_and_the_colors(running: live.LiveView) 
     for name, view in running.space.episode.views.items():
         handle = running.server.scene.get_handle_by_name(f"/cameras/{name}")
         np.testing.assert_allclose(handle.position, view.camera.cam_to_world[last, :3, 3])
-    seen = running.server.scene.get_handle_by_name("/seen")
-    assert (np.asarray(seen.colors) == running.space.cloud(last, 2_000).colors).all()
+    cloud = running.space.cloud(last, 2_000)
+    (mesh,) = running.space.meshes(last)
+    for name, part in running.space.apart(cloud).items():
+        keep = ~np.isin(part.ids, list(mesh.instance_ids))
+        discs = running.server.scene.get_handle_by_name(f"/instances/{name}")
+        assert (discs is not None) == keep.any()
+        if discs is not None:
+            assert (np.asarray(discs.rgbs) == part.colors[keep]).all()
     running.colored = live.INSTANCE
     running.show(last)
-    seen = running.server.scene.get_handle_by_name("/seen")
-    ids = running.space.cloud(last, 2_000).ids
-    assert (np.asarray(seen.colors) == running.space.by_instance(ids)).all()
+    for name, part in running.space.apart(cloud).items():
+        if len(part.points):
+            discs = running.server.scene.get_handle_by_name(f"/instances/{name}")
+            assert (np.asarray(discs.rgbs) == running.space.by_instance(part.ids)).all()
 
 
 def test_names_of_instances_are_folded_away(running: live.LiveView) -> None:
     shown = running.server.gui._container_handle_from_uuid.values()  # viser lists it nowhere else
-    (folder,) = (one for one in shown if isinstance(one, viser.GuiFolderHandle))
-    assert not folder.expand_by_default
-    (names,) = folder._children.values()
+    folders = [one for one in shown if isinstance(one, viser.GuiFolderHandle)]
+    assert len(folders) == 2
+    assert not any(one.expand_by_default for one in folders)
+    (names,) = folders[0]._children.values()
     assert "new" in names.content
 
 
@@ -199,16 +207,16 @@ def test_all_pixels_have_one_name_or_none(recorded: Space) -> None:
 
 
 @pytest.fixture
-def drawn(edited: Space) -> Iterator[solid.SolidView]:
-    with solid.SolidView(edited, 18866, most=20_000) as made:
+def drawn(edited: Space) -> Iterator[live.LiveView]:
+    with live.LiveView(edited, 18866, most=20_000) as made:
         yield made
 
 
-def handle(view: solid.SolidView, name: str) -> Any:
+def handle(view: live.LiveView, name: str) -> Any:
     return view.server.scene.get_handle_by_name(name)
 
 
-def test_what_was_put_in_is_shown_with_its_texture(drawn: solid.SolidView) -> None:
+def test_what_was_put_in_is_shown_with_its_texture(drawn: live.LiveView) -> None:
     (mesh,) = drawn.space.meshes(0)
     node = handle(drawn, f"/put in/{mesh.name}")
     assert node.visible
@@ -223,14 +231,14 @@ def test_what_was_put_in_is_shown_with_its_texture(drawn: solid.SolidView) -> No
     assert handle(drawn, f"/instances/{mesh.name}") is None
     drawn.toggle(mesh.name, True)
     assert node.visible
-    drawn.toggle(solid.PUT_IN, False)
+    drawn.toggle(live.PUT_IN, False)
     assert not node.visible
     assert handle(drawn, f"/instances/{mesh.name}") is not None
 
 
-def test_names_are_shown_and_hidden_each_by_itself(drawn: solid.SolidView) -> None:
+def test_names_are_shown_and_hidden_each_by_itself(drawn: live.LiveView) -> None:
     assert handle(drawn, "/names/robot") is None
-    drawn.toggle(solid.LABELS, True)
+    drawn.toggle(live.LABELS, True)
     assert handle(drawn, "/names/robot").text == "robot"
     assert handle(drawn, "/instances/robot") is not None
     drawn.toggle("robot", False)
