@@ -87,12 +87,15 @@ def edited(
         near = replace(scene, episode=shelved(scene.episode))
 
     @cache
-    def drawn(even: bool) -> Callable[[str, int], Whole]:
-        if not even or cast is None:
+    def drawn(matte: bool) -> Callable[[str, int], Whole]:
+        if not matte:
             return partial(_surfels, near, surfels.build(near, kept() if kept else None))
-        lit = replace(scene, episode=shelved(cast.recorded))
-        known = _evenly_lit(rig.recorded(scene), cast.relit.recorded)
-        return partial(_surfels, lit, surfels.build(lit, known))
+        if cast is not None:
+            bare, known = cast.recorded, _evenly_lit(rig.recorded(scene), cast.relit.recorded)
+        else:
+            bare, known = highlights.matte(scene), _matte(rig.recorded(scene))
+        base = replace(scene, episode=shelved(bare))
+        return partial(_surfels, base, surfels.build(base, known))
 
     whole = None
     if any(tier >= 3 for tier in representations.values()):
@@ -110,13 +113,14 @@ def edited(
         blank = proxy is not None and proxy.blank
         if representations[name] == 0 and inserted.bodies(scene) and not blank:
             base = partial(_recorded, scene.episode if cast is None else cast.recorded, name)
-            render = _finished(scene, name, stood, base, cast, device)
+            render = _finished(scene, name, stood, base, cast, device, cast is not None)
             views[name] = _rendered(scene, name, render, watch)
         elif representations[name] == 0 or blank:
             views[name] = _composited(scene, name, stood, cast, watch, device)
         elif representations[name] == 1:
-            base = partial(drawn(cast is not None and stands), name)
-            render = _finished(scene, name, stood, base, cast, device)
+            matte = stands and (cast is not None or highlights.find(scene) is not None)
+            base = partial(drawn(matte), name)
+            render = _finished(scene, name, stood, base, cast, device, matte)
             if blended and blended.get(name):
                 render = partial(_blended, near, render, name, blended[name])
             views[name] = _rendered(near, name, render, watch)
@@ -132,6 +136,12 @@ def _evenly_lit(recorded: Scene, lamps: Rig) -> surfels.Surfels:
     """Surfels of a recorded scene without cast shadows: all copies of an episode share them."""
     even = recast.Recast(recorded, Relit(lamps, lamps)).recorded
     return surfels.recorded(replace(recorded, episode=shelved(even)))
+
+
+@once
+def _matte(recorded: Scene) -> surfels.Surfels:
+    """The same without highlights."""
+    return surfels.recorded(replace(recorded, episode=shelved(highlights.matte(recorded))))
 
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:
@@ -281,8 +291,10 @@ def _finished(
     base: Callable[[int], Whole],
     cast: recast.Recast | None,
     device: str,
+    matte: bool,
 ) -> Callable[[int], Frame]:
-    """Images with what was inserted, in the light that falls now, and every appearance edit on all of it."""
+    """Images with what was inserted, in the light that falls now, and every appearance edit on all of it.
+    What `matte` surfaces mirror is put onto them."""
     camera, view = scene.cameras[name], scene.episode.views[name]
 
     def filled(t: int) -> Lit:
@@ -292,16 +304,19 @@ def _finished(
         if made is not None:
             rgb = made.onto(view.rgb(t), before[0], rgb, hole)
         light = None
+        shine = highlights.across(scene, name, t, depth, ids) if matte else None
         if cast is not None and stood and view.depth and view.ids:
             light = cast.light(name, t, depth, ids)
-            rgb = cast.shown(name, t, rgb, light)
+            rgb = cast.shown(name, t, rgb, light, shine)
         elif cast is not None:
             rgb = recast.times(rgb, cast.gain(camera, t, depth, ids))
+        elif shine is not None:
+            rgb = highlights.shown(scene, name, t, rgb, shine)
         return (rgb, depth, ids), hole & (ids == before[2]), light
 
     def frame(t: int) -> Frame:
         (rgb, depth, ids), hole, now = filled(t)
-        light, shine = _told(scene, name, stood, t, ids, now)
+        light, shine = _told(scene, name, stood, t, ids, now, matte)
         pool, places = (stood.pool, stood.places) if stood else (None, None)
         surfaces = surface.of_image(
             lambda: depth, ids, camera, t, scene.bodies, pool, light, shine, places
@@ -313,7 +328,7 @@ def _finished(
         image = composite(rgb, ids, scene.appearance, scene.antialiased, surfaces, radiance)
         return Frame(image, depth, ids, hole)
 
-    drawn = _finished_on_device(scene, name, stood, filled, device) or frame
+    drawn = _finished_on_device(scene, name, stood, filled, device, matte) or frame
     if cast is None or not cast.relit.gains:
         return drawn
 
@@ -332,15 +347,17 @@ def _told(
     t: int,
     ids: Int32[np.ndarray, "h w"],
     now: Float32[np.ndarray, "h w"] | None,
+    matte: bool,
 ) -> tuple[surface.Light, surface.Shine]:
     """What tells of the light and of the highlights in an image of a camera that stands as it was recorded; `now` is
-    the light where it fell anew."""
+    the light where it fell anew; `matte` surfaces were drawn, and what they mirror put onto them."""
     view = scene.episode.views[name]
     light: surface.Light = partial(_light, scene, name, t, ids) if stood else None
     if now is not None:
         light = partial(np.asarray, now)
-    still = stood and view.depth is not None and scene.recorded_bodies is None and now is None
-    return light, partial(highlights.seen_by, scene, view, t) if still else None
+    here = matte or scene.recorded_bodies is None
+    told = here and stood and view.depth is not None and now is None
+    return light, partial(highlights.seen_by, scene, view, t) if told else None
 
 
 def _finished_on_device(
@@ -349,6 +366,7 @@ def _finished_on_device(
     stood: Stands | None,
     filled: Callable[[int], Lit],
     device: str,
+    matte: bool,
 ) -> Callable[[int], Frame] | None:
     """The same, appearance edited on a device; None where the host does it."""
     if device == "cpu" or not scene.appearance or scene.episode.views[name].radiance:
@@ -360,7 +378,7 @@ def _finished_on_device(
 
     def bases(t: int) -> tuple[batched.Base, Bool[np.ndarray, "h w"]]:
         (rgb, depth, ids), hole, now = filled(t)
-        return batched.Base(rgb, depth, ids, *_told(scene, name, stood, t, ids, now)), hole
+        return batched.Base(rgb, depth, ids, *_told(scene, name, stood, t, ids, now, matte)), hole
 
     images = batched.ahead_over(scene, name, device, bases)
 

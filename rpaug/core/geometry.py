@@ -6,7 +6,7 @@ camera's frame (x right, y down, z along the view) to the world.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Real
+from jaxtyping import Bool, Float, Float32, Int, Real
 
 from rpaug.core.types import Camera
 
@@ -97,6 +97,14 @@ def transform(
 ) -> Float[np.ndarray, "*n 3"]:
     """Points carried by one rigid motion."""
     return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def towards(
+    points: Float[np.ndarray, "n 3"], eye: Float[np.ndarray, "*n 3"]
+) -> Float32[np.ndarray, "n 3"]:
+    """Unit vectors from points to an eye, or to each one's own."""
+    ray = eye.astype(np.float32) - points
+    return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True), np.float32)
 
 
 def slopes(

@@ -346,11 +346,11 @@ class Surface(Protocol):
     """Where some colors lie, row by row; every part is worked out only when it is asked for.
 
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
-    vectors there, towards whoever looks; `facing` are the same normals in the world. `footprint` is the width in
-    metres that one pixel covers on the surface. `ids` are instance ids. `lit` is the share of its light that a place
-    has now, of that which it was recorded in at other times, 1 where nothing tells. `mirrored` is the part of a color
-    that is a highlight, nan where nothing tells, None without any. Raises Unsupported where a source has no depth to
-    tell it from.
+    vectors there, towards whoever looks; `facing` are the same normals in the world, `towards` the unit vectors there
+    to the eye. `footprint` is the width in metres that one pixel covers on the surface. `ids` are instance ids. `lit` is
+    the share of its light that a place has now, of that which it was recorded in at other times, 1 where nothing tells.
+    `mirrored` is the part of a color that is a highlight, nan where nothing tells, None without any. Raises Unsupported
+    where a source has no depth to tell it from.
     """
 
     @property
@@ -361,6 +361,8 @@ class Surface(Protocol):
     def normals(self) -> Float32[np.ndarray, "n 3"]: ...
     @property
     def facing(self) -> Float32[np.ndarray, "n 3"]: ...
+    @property
+    def towards(self) -> Float32[np.ndarray, "n 3"]: ...
     @property
     def footprint(self) -> Float32[np.ndarray, "n"]: ...
     @property

@@ -12,7 +12,8 @@ from pydantic import Field
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator
 from rpaug.core.types import Effect, Relit, Scene, Surface
 from rpaug.operators.fields import Unit
-from rpaug.scene.lighting import light, rig, shadows
+from rpaug.scene.lighting import highlights, light, rig, shadows
+from rpaug.scene.lighting.highlights import Highlights
 from rpaug.scene.lighting.light import Lamp
 
 Direction = tuple[float, float, float]
@@ -30,6 +31,8 @@ ROOM = 1.1  # times a thing's brightest: what noise and highlights may add
 class Relight:
     """Every pixel times what the new lamp gives its face over what the old one gave it (Lambert, no shadows).
 
+    Highlights that are known are taken off before, and what is mirrored of the lamps `mirrored` now is put on.
+
     `brightest` is how bright each thing is straight below the lamp. A pixel brighter than its thing could be under the
     old lamp lies on a face too narrow for its normal to be known, and is not made brighter still. What is `unlit` shows
     no surface and keeps its color.
@@ -40,16 +43,22 @@ class Relight:
     brightest: tuple[tuple[int, float], ...]
     unlit: tuple[int, ...] = ()
     instance_ids: frozenset[int] | None = None
+    mirrored: Highlights | None = None
 
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        facing = surface.facing
+        facing, shone = surface.facing, surface.mirrored if self.mirrored else None
+        if shone is not None:
+            color = np.maximum(color - np.nan_to_num(shone), 0)
         was = self.old.shading(facing)
         doubtful = color @ GREY > ROOM * self._most(surface.ids) * was
         gain = np.minimum(self.new.shading(facing) / was, np.where(doubtful, 1.0, MOST_GAIN))
         gain = np.where(np.isin(surface.ids, self.unlit), 1.0, gain).astype(np.float32)
-        return np.clip(color * gain[:, None], 0, 1).astype(np.float32)
+        lit = color * gain[:, None]
+        if self.mirrored is not None and shone is not None:
+            lit += np.nan_to_num(self.mirrored.on(facing, surface.towards, surface.ids))
+        return np.clip(lit, 0, 1).astype(np.float32)
 
     def _most(self, ids: Int32[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
         known, most = self._table
@@ -69,7 +78,8 @@ class LightDirection(Operator):
     `recorded` is the direction to the lamp the episode was lit by, in the world; `ambient` the share of the light that
     comes from nowhere in particular. Both are estimated from how brightness depends on the faces' normals if not
     given. Where moving shadows tell the lamps, all of them turn as the strongest does, and their shadows are cast
-    anew; else cast shadows stay where they were. Highlights stay in either case.
+    anew; else cast shadows stay where they were. Where highlights tell the lamps and shadows do not, the strongest of
+    those is the lamp, and what surfaces mirror goes along; else highlights stay.
     """
 
     turn: Annotated[float, Field(gt=0, le=np.pi)] = 0.8  # radians, at most
@@ -110,12 +120,15 @@ class LightDirection(Operator):
         known = shadows.relit(scene)
         if known is not None:
             return self._cast(scene, known, rng)
-        found = light.dominant(scene.episode)
+        shone, matte = highlights.find(scene), highlights.matte(scene)
+        found = light.dominant(matte, shone.lamps.strongest if shone else None)
         old = _unit(found.direction if self.recorded == "estimate" else self.recorded)
         ambient = found.ambient if self.ambient == "estimate" else self.ambient
         new = _unit(self.to) if self.to is not None else _near(old, self.turn, rng)
-        brightest = light.brightest(scene.episode, Lamp(tuple(old), ambient, 1.0))
+        brightest = light.brightest(matte, Lamp(tuple(old), ambient, 1.0))
+        mirrored = {} if shone is None else {"mirrored": shone.turned(*_turn(old, new)).plain()}
         return {
+            **mirrored,
             "brightest": [
                 [instance_id, round(value, 4)] for instance_id, value in sorted(brightest.items())
             ],
@@ -136,8 +149,7 @@ class LightDirection(Operator):
         before = replace(known, recorded=lamps) if known.now == known.recorded else known
         old = _unit(lamps.directions[int(np.argmax(lamps.strengths))])
         new = _unit(self.to) if self.to is not None else _near(old, self.turn, rng)
-        heading = float(np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0]))
-        now = rig.turned(lamps, heading, float(np.arcsin(new[2]) / np.arcsin(old[2])))
+        now = rig.turned(lamps, *_turn(old, new))
         return {
             "recorded": old.tolist(),
             "direction": new.tolist(),
@@ -159,13 +171,20 @@ class LightDirection(Operator):
         old = Lamp(tuple(edit["recorded"]), edit["ambient"], 1.0)
         new = Lamp(tuple(edit["direction"]), edit["ambient"], 1.0)
         brightest = tuple((instance_id, value) for instance_id, value in edit["brightest"])
-        relight = Relight(old, new, brightest, tuple(edit["unlit"]))
+        mirrored = Highlights.of(edit["mirrored"]) if "mirrored" in edit else None
+        relight = Relight(old, new, brightest, tuple(edit["unlit"]), mirrored=mirrored)
         return replace(scene, appearance=(*scene.appearance, relight))
 
 
 def _unit(direction: object) -> Float64[np.ndarray, "3"]:
     vector = np.array(direction, float)
     return vector / np.linalg.norm(vector)
+
+
+def _turn(old: Float64[np.ndarray, "3"], new: Float64[np.ndarray, "3"]) -> tuple[float, float]:
+    """About the vertical, radians, and how many times as high above the horizon."""
+    heading = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
+    return float(heading), float(np.arcsin(new[2]) / np.arcsin(old[2]))
 
 
 def _near(

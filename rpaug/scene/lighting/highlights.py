@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, UInt8
+from jaxtyping import Float32, Float64, Int, Int32, UInt8
 
-from rpaug.core import memo
+from rpaug.core import geometry, memo
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import casting, rig
 from rpaug.scene.lighting.two_views import SeenTwice, exposed, seen_twice
@@ -64,6 +64,10 @@ class Lamps:
             out += np.float32(strength) * share * np.exp(np.float32(exponent) * logs)
         return out
 
+    @property
+    def strongest(self) -> casting.Direction:
+        return self.directions[int(np.argmax(self.strengths))]
+
 
 @dataclass(frozen=True)
 class Finish:
@@ -81,6 +85,52 @@ class Highlights:
     lamps: Lamps
     finishes: Mapping[int, Finish]
     shadows: tuple[casting.Direction, ...] = ()
+
+    def turned(self, heading: float, higher: float) -> "Highlights":
+        """All lamps turned about the vertical, and each that many times as high above the horizon."""
+        directions = rig.turned_directions(self.lamps.directions, heading, higher)
+        return Highlights(replace(self.lamps, directions=directions), self.finishes)
+
+    def plain(self) -> dict[str, Any]:
+        """Lamps and finishes as plain values."""
+        finishes = [
+            [one, list(found.color), found.exponent] for one, found in self.finishes.items()
+        ]
+        directions = [list(one) for one in self.lamps.directions]
+        strengths, exponent = list(self.lamps.strengths), self.lamps.exponent
+        return {
+            "directions": directions,
+            "strengths": strengths,
+            "exponent": exponent,
+            "finishes": finishes,
+        }
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> "Highlights":
+        """From plain values."""
+        directions = tuple((float(x), float(y), float(z)) for x, y, z in plain["directions"])
+        lamps = Lamps(directions, tuple(map(float, plain["strengths"])), float(plain["exponent"]))
+        told = plain["finishes"]
+        return cls(lamps, {int(one): Finish((r, g, b), power) for one, (r, g, b), power in told})
+
+    def on(
+        self,
+        normals: Float32[np.ndarray, "n 3"],
+        towards: Float32[np.ndarray, "n 3"],
+        ids: Int[np.ndarray, "n"],
+        reached: Sequence[Float32[np.ndarray, "n"]] | None = None,
+    ) -> Float32[np.ndarray, "n 3"]:
+        """What surfaces show mirrored towards an eye, 0..1 and beyond; nan on things that tell nothing of it. Each
+        lamp reaches so much of them, all if None."""
+        out = np.full((len(normals), 3), np.nan, np.float32)
+        for one in np.unique(ids).tolist():
+            if one in self.finishes:
+                rows, finish = np.flatnonzero(ids == one), self.finishes[one]
+                every = [1.0] * len(self.lamps.directions)
+                here = every if reached is None else [share[rows] for share in reached]
+                shine = self.lamps.mirrored(normals[rows], towards[rows], finish.exponent, here)
+                out[rows] = shine[:, None] * np.array(finish.color, np.float32)
+        return out
 
 
 def find(scene: Scene) -> Highlights | None:
@@ -168,19 +218,42 @@ def on(
     found = find(scene)
     if found is None:
         return None
-    out = np.full((len(points), 3), np.nan, np.float32)
-    eye = view.camera.cam_to_world[t, :3, 3].astype(np.float32)
-    reached = [np.ones(len(points), np.float32)] * len(found.lamps.directions)
+    reached = None
     if found.shadows:
         reached = _reached(rig.recorded(scene), t, found.shadows, points, normals)
-    for one in np.unique(ids).tolist():
-        if one in found.finishes:
-            rows, finish = np.flatnonzero(ids == one), found.finishes[one]
-            here = [share[rows] for share in reached]
-            towards = _towards(points[rows], eye)
-            shine = found.lamps.mirrored(normals[rows], towards, finish.exponent, here)
-            out[rows] = shine[:, None] * np.array(finish.color, np.float32)
-    return out
+    towards = geometry.towards(points, view.camera.cam_to_world[t, :3, 3])
+    return found.on(normals, towards, ids, reached)
+
+
+def shown(
+    scene: Scene,
+    name: str,
+    t: int,
+    bare: UInt8[np.ndarray, "h w 3"],
+    shine: Float32[np.ndarray, "h w 3"],
+) -> UInt8[np.ndarray, "h w 3"]:
+    """An image of `matte` surfaces with what they mirror (`across`); the recorded bits where they are as recorded."""
+    kept = (bare == matte(scene).views[name].rgb(t)).all(-1, keepdims=True)
+    shone = np.clip(np.rint(bare + shine), 0, 255).astype(np.uint8)
+    return np.where(kept, scene.episode.views[name].rgb(t), shone)
+
+
+def across(
+    scene: Scene,
+    name: str,
+    t: int,
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+) -> Float32[np.ndarray, "h w 3"] | None:
+    """What a camera that stands as it was recorded sees mirrored all over an image, 0..255 and beyond, 0 where nothing
+    tells. None without highlights."""
+    if find(scene) is None:
+        return None
+    view = scene.episode.views[name]
+    places = casting.lifted(depth, ids, view.camera, t, np.arange(ids.size))
+    mirrored = on(scene, view, t, places.points, places.normals, ids.reshape(-1))
+    assert mirrored is not None
+    return np.asarray(255 * np.nan_to_num(mirrored).reshape(*ids.shape, 3), np.float32)
 
 
 def _reached_places(
@@ -205,13 +278,6 @@ def _reached(
 ) -> list[Float32[np.ndarray, "n"]]:
     places = casting.Discs(points, normals, np.zeros(len(points), np.float32))
     return [one.reached(places) for one in casting.casters(scene).maps(t, along)]
-
-
-def _towards(
-    points: Float32[np.ndarray, "n 3"], eye: Float32[np.ndarray, "*n 3"]
-) -> Float32[np.ndarray, "n 3"]:
-    ray = eye - points
-    return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True), np.float32)
 
 
 def _log_halfway(
@@ -330,7 +396,9 @@ class _MirrorFitter:
 
 def _eyes(places: SeenTwice) -> tuple[np.ndarray, np.ndarray]:
     """Directions to both eyes."""
-    return _towards(places.points, places.first), _towards(places.points, places.second)
+    return geometry.towards(places.points, places.first), geometry.towards(
+        places.points, places.second
+    )
 
 
 def _more(logs: Logs, exponent: float) -> Float32[np.ndarray, "n"]:

@@ -77,16 +77,19 @@ class Lamp:
 
 
 @memo.last
-def dominant(episode: Episode, count: int = 3) -> Lamp:
+def dominant(
+    episode: Episode, direction: tuple[float, float, float] | None = None, count: int = 3
+) -> Lamp:
     """The one lamp that explains best how things' brightness depends on where their faces turn (Lambert's law).
 
     Every direction of a grid over the upper half space is tried with several shares of ambient light; each thing has
-    one albedo, fitted along. Raises SourceLacks without depth.
+    one albedo, fitted along. Where the lamp's `direction` is known, only its share is told. Raises SourceLacks without
+    depth.
     """
     facing, level, things = seen(episode, count)
     _, owner = np.unique(things, return_inverse=True)
     level = level / (np.bincount(owner, level) / np.bincount(owner))[owner]
-    axes = _upper_half()
+    axes = _upper_half() if direction is None else np.array([direction])
     towards = np.maximum(facing @ axes.T, 0)
     best = (np.inf, 0, 0.0)
     for ambient in AMBIENTS:

@@ -17,7 +17,7 @@ from rpaug.core import geometry
 from rpaug.core.memo import once
 from rpaug.core.pixels import grown
 from rpaug.core.types import Camera, Episode, Relit, Rig, Scene
-from rpaug.scene.lighting import casting, intrinsic, rig
+from rpaug.scene.lighting import casting, highlights, intrinsic, rig
 from rpaug.scene.lighting.casting import Casters, Discs
 from rpaug.scene.recorded.carry import carried
 
@@ -45,7 +45,7 @@ class Recast:
 
     @cached_property
     def recorded(self) -> Episode:
-        """The recorded images without cast shadows."""
+        """The recorded images without cast shadows and highlights."""
         views = {
             name: replace(view, rgb=partial(self.even, name), radiance=None)
             if view.depth and view.ids
@@ -95,8 +95,9 @@ class Recast:
         return out
 
     def even(self, name: str, t: int) -> UInt8[np.ndarray, "h w 3"]:
-        """One recorded image without cast shadows."""
-        return intrinsic.evened(self.scene.episode.views[name].rgb(t), self._was(name, t))
+        """One recorded image without cast shadows and highlights."""
+        matte = highlights.matte(self.scene).views[name].rgb(t)
+        return intrinsic.evened(matte, self._was(name, t))
 
     def shown(
         self,
@@ -104,11 +105,16 @@ class Recast:
         t: int,
         even: UInt8[np.ndarray, "h w 3"],
         light: Float32[np.ndarray, "h w"],
+        shine: Float32[np.ndarray, "h w 3"] | None = None,
     ) -> UInt8[np.ndarray, "h w 3"]:
-        """An image of evenly lit surfaces in that light; where both are as recorded, the recorded bits."""
+        """An image of evenly lit surfaces in that light, with what they mirror (`highlights.across`); where both are as
+        recorded, the recorded bits."""
         was, recorded = self._was(name, t), self.scene.episode.views[name].rgb(t)
         kept = (even == self.even(name, t)).all(-1)
-        lit = np.where(kept[..., None], times(recorded, light / was), times(even, light))
+        anew = times(even, light)
+        if shine is not None:
+            anew = np.clip(np.rint(anew + shine), 0, 255).astype(np.uint8)
+        lit = np.where(kept[..., None], times(recorded, light / was), anew)
         return np.where((kept & (light == was))[..., None], recorded, lit)
 
     def gain(

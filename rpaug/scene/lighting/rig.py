@@ -115,15 +115,22 @@ def _level(
 def turned(lamps: Rig, heading: float, higher: float) -> Rig:
     """All lamps turned about the vertical, and each that many times as high above the horizon; level ground that all
     of them reach has the light it had."""
+    return replace(lamps, directions=turned_directions(lamps.directions, heading, higher))
+
+
+def turned_directions(
+    directions: Sequence[casting.Direction], heading: float, higher: float
+) -> tuple[casting.Direction, ...]:
+    """Directions to lamps, turned alike."""
     moved = []
-    for x, y, z in lamps.directions:
+    for x, y, z in directions:
         height = np.clip(higher * np.arcsin(z), np.arcsin(LOWEST), np.pi / 2)
         turn = np.arctan2(y, x) + heading
         along = np.cos(height)
         moved.append(
             (float(along * np.cos(turn)), float(along * np.sin(turn)), float(np.sin(height)))
         )
-    return replace(lamps, directions=tuple(moved))
+    return tuple(moved)
 
 
 def recorded(scene: Scene) -> Scene:

@@ -125,6 +125,10 @@ class PixelSurface:
         return self._in_world[1]
 
     @property
+    def towards(self) -> Float32[np.ndarray, "n 3"]:
+        return geometry.towards(self._in_world[0], self.camera.cam_to_world[self.t, :3, 3])
+
+    @property
     def footprint(self) -> Float32[np.ndarray, "n"]:
         return self._in_world[2]
 
@@ -242,6 +246,10 @@ class GaussianSurface:
         return self._directions[1]
 
     @property
+    def towards(self) -> Float32[np.ndarray, "n 3"]:
+        return geometry.towards(self._directions[2], self.camera.cam_to_world[self.t, :3, 3])
+
+    @property
     def footprint(self) -> Float32[np.ndarray, "n"]:
         return EXTENT * np.median(self.gaussians.scales[self.rows], axis=1)
 
@@ -254,7 +262,8 @@ class GaussianSurface:
         return None
 
     @cached_property
-    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+    def _directions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Normals in the frames of bodies and in the world, and points there."""
         xyzw = self.gaussians.quats[self.rows][:, [1, 2, 3, 0]]
         turned = geometry.pose_of(np.zeros((len(self.rows), 3)), xyzw)[:, :3, :3]
         shortest = self.gaussians.scales[self.rows].argmin(1)
@@ -266,7 +275,7 @@ class GaussianSurface:
             facing[held] = facing[held] @ pose[:3, :3].T
         away = ((points - self.camera.cam_to_world[self.t, :3, 3]) * facing).sum(1) > 0
         sign = np.where(away, np.float32(-1), np.float32(1))[:, None]
-        return normals * sign, facing * sign
+        return normals * sign, facing * sign, points
 
 
 def of_gaussians(

@@ -1,15 +1,22 @@
 """Highlights are told by how places look from elsewhere; matte recordings, and those that none explain, stay."""
 
+import json
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from analytic import LENGTH, TABLE, scene, seen_by
 
 from rpaug import twin
 from rpaug.core import geometry
-from rpaug.core.types import Scene
+from rpaug.core.types import Episode, Scene
+from rpaug.operators.light_direction import LightDirection
+from rpaug.operators.remove import Remove
+from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
 from rpaug.scene.lighting import albedo, highlights, intrinsic, shading
-from rpaug.twin.look import RIG
+from rpaug.scene.targets.targets import Target
+from rpaug.twin.look import RIG, TwinLamp
 
 EYES = {"front": (0.0, -0.8, 0.7), "side": (0.8, -0.2, 0.8), "left": (-0.8, -0.1, 0.9)}
 LAMP = np.array([-0.6, 0.3, 0.74]) / np.linalg.norm([-0.6, 0.3, 0.74])
@@ -136,3 +143,59 @@ def test_a_metal_is_as_bright_as_metals_are(monkeypatch):
     assert known["albedo"] == [0.2, 0.3, 0.4]
     assert known["metal"]
     assert "of_metal" not in known
+
+
+def off(
+    made: Episode, true: Episode, recorded: Episode, instance_ids: Sequence[int] | None = None
+) -> float:
+    """The mean squared error in what shines or showed one of the instance ids, over all still cameras."""
+    found = []
+    for name in ("front", "left_shoulder", "right_shoulder", "overhead"):
+        images = (one.views[name].rgb(5).astype(float) for one in (made, true))
+        error = ((next(images) - next(images)) ** 2).mean(-1)
+        ids = recorded.views[name].ids(5)
+        found.append(error.ravel() if instance_ids is None else error[np.isin(ids, instance_ids)])
+    return float(np.concatenate(found).mean())
+
+
+@pytest.mark.gl
+def test_what_shows_behind_a_removed_thing_mirrors_the_lamps_as_its_camera_sees_them(monkeypatch):
+    look = twin.Look(specular=True)
+    true = twin.perform("pick_block", 3, frames=17, look=look, factor="removal")
+    recorded = build(twin.perform("pick_block", 3, frames=17, look=look).episode, with_bodies=True)
+    gone = list(true.truth.changed)
+    operator = Remove(target=Target(handle=gone))
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    told = off(shown(operator.apply(recorded, edit)), true.episode, recorded.episode, gone)
+    monkeypatch.setattr(highlights, "find", lambda _: None)
+    untold = off(shown(operator.apply(recorded, edit)), true.episode, recorded.episode, gone)
+    assert told < untold / 1.5
+
+
+def towards(lamp: TwinLamp) -> tuple[float, float, float]:
+    along = np.cos(lamp.height)
+    return (
+        float(along * np.cos(lamp.heading)),
+        float(along * np.sin(lamp.heading)),
+        float(np.sin(lamp.height)),
+    )
+
+
+@pytest.mark.gl
+def test_highlights_go_along_with_their_lamp():
+    look = twin.Look(specular=True, lamps=RIG[:1])
+    before, true = (
+        twin.perform("pick_block", 3, frames=17, look=look, factor=factor)
+        for factor in (None, "light_direction")
+    )
+    recorded = build(before.episode, with_bodies=True)
+    found = highlights.find(recorded)
+    assert found is not None
+    old, new = (towards(lamps[0]) for lamps in (look.lamps, true.truth.new.lamps))
+    operator = LightDirection(to=new, recorded=old, ambient=0.375)
+    edit = operator.sample(recorded, np.random.default_rng(0))
+    assert json.loads(json.dumps(edit)) == edit
+    told = off(shown(operator.apply(recorded, edit)), true.episode, recorded.episode)
+    without = {name: value for name, value in edit.items() if name != "mirrored"}
+    untold = off(shown(operator.apply(recorded, without)), true.episode, recorded.episode)
+    assert told < untold / 1.5
