@@ -347,10 +347,10 @@ class Surface(Protocol):
 
     `points` are metres in the frame of the row's own body (`Body.to_world` at that time undone), `normals` unit
     vectors there, towards whoever looks; `facing` are the same normals in the world, `towards` the unit vectors there
-    to the eye. `footprint` is the width in metres that one pixel covers on the surface. `ids` are instance ids. `lit` is
-    the share of its light that a place has now, of that which it was recorded in at other times, 1 where nothing tells.
-    `mirrored` is the part of a color that is a highlight, nan where nothing tells, None without any. Raises Unsupported
-    where a source has no depth to tell it from.
+    to the eye. `footprint` is the width in metres that one pixel covers on the surface. `ids` are instance ids. `lit`
+    is the share of its light that a place has now, of that which it was recorded in at other times, 1 where nothing
+    tells. `mirrored` is the part of a color that is a highlight, nan where nothing tells, None without any. Raises
+    Unsupported where a source has no depth to tell it from.
     """
 
     @property
