@@ -2,6 +2,7 @@
 
 import hashlib
 import time
+import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
@@ -14,9 +15,9 @@ from rpaug.compose import inserted
 from rpaug.core.errors import SourceLacks
 from rpaug.core.image_cache import shelved
 from rpaug.core.memo import once
-from rpaug.core.types import CameraView, Episode, Relit, Rig, Scene, Sensor
+from rpaug.core.types import CameraView, Episode, Everywhere, Relit, Rig, Scene, Sensor
 from rpaug.render import holes
-from rpaug.render.composite import composite
+from rpaug.render.composite import Surfaces, composite
 from rpaug.render.zbuffer import Rendered
 from rpaug.scene.lighting import grain, highlights, intrinsic, recast, rig
 from rpaug.scene.recorded import pooled, surface, surfels
@@ -181,6 +182,18 @@ def sense(
             continue
         image = effect(image, np.random.default_rng([effect.seed, name, t, number]))
     return image
+
+
+def everywhere(scene: Scene) -> Everywhere:
+    """What the edits that need no place do to recorded images that the scene does not hold."""
+    placeless = [one for one in scene.appearance if getattr(one, "everywhere", False)]
+    nowhere = typing.cast("Surfaces", lambda rows: None)
+
+    def shown(image: UInt8[np.ndarray, "h w 3"], name: str, t: int) -> UInt8[np.ndarray, "h w 3"]:
+        made = composite(image, None, placeless, scene.antialiased, nowhere) if placeless else image
+        return sense(scene.sensor, made, name, t)
+
+    return shown
 
 
 def _composited(

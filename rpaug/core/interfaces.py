@@ -75,9 +75,9 @@ class Operator(metaclass=Validated):
     and two `examples`: wishes, and the fields that each comes to, which a language model is shown. `asked_as` are words
     by what they ask for, parted by commas, which rpaug's own operators bring to its grammar.
     `undone_as` are words by which a wish takes it back, beside its name. Two edits that `settle` the same ("size") of
-    one thing cannot both hold: the later takes the earlier's place. Registering it under the entry-point group
-    `rpaug.operators` makes its entry-point name an `op:` in recipes. `rpaug.OperatorContract` holds it to the promises
-    below.
+    one thing cannot both hold: the later takes the earlier's place. An edit made `everywhere` asks for no place in an
+    image. Registering it under the entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
+    `rpaug.OperatorContract` holds it to the promises below.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
@@ -89,6 +89,7 @@ class Operator(metaclass=Validated):
     examples: ClassVar[Examples] = ()
     undone_as: ClassVar[tuple[str, ...]] = ()
     settles: ClassVar[str] = ""
+    everywhere: ClassVar[bool] = False
 
     def ready(self) -> None:  # most need nothing but the scene
         """Raises RpaugError where something beside the recording is missing, before any work is done."""

@@ -413,6 +413,12 @@ class Sensor(Protocol):
     ) -> UInt8[np.ndarray, "h w 3"]: ...
 
 
+Everywhere = Callable[[UInt8[np.ndarray, "h w 3"], str, int], UInt8[np.ndarray, "h w 3"]]
+"""What edits that need no place do to a recorded image of a camera at a time."""
+
+Back = Callable[["Episode", Everywhere], "Episode"]
+
+
 @dataclass(frozen=True)
 class FrameResidual:
     """What some Gaussians differ by at one recorded time: the residual that no rigid body explains.
@@ -561,7 +567,8 @@ class Scene:
     `inpaint` names what paints the places that this uncovers and nobody ever saw (`rpaug.providers.inpaint`).
     `ambience` is the light that inserted bodies are shown in. `simulated` says, in plain values, what each simulation
     came to; `actions_valid` is false in it where the recorded actions would no longer do what they did.
-    `back` brings what the scene shows back into the recording, where that is no set of pinhole images: None leaves it.
+    `back` brings what the scene shows back into the recording, where that is no set of pinhole images, and what edits
+    do wherever they show into recorded images that the scene does not hold; None leaves it.
     `robot_parts` are the robot's shape by its file: moved cameras show them where nobody saw the robot.
     `roles` holds what is believed firmly enough, `beliefs` each role that was thought of with its reasons.
     `names` are the instance ids that models found by words, none for words that they found nothing by.
@@ -584,7 +591,7 @@ class Scene:
     inpaint: str = "fsr"
     ambience: Ambience | None = None
     simulated: tuple[Mapping[str, Any], ...] = ()
-    back: Callable[[Episode], Episode] | None = None
+    back: Back | None = None
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
     names: Mapping[str, frozenset[int]] = field(default_factory=dict)
     robot_parts: tuple[RobotPart, ...] = ()

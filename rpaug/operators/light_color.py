@@ -33,6 +33,11 @@ class Gain:
     instance_ids: frozenset[int] | None = None
     scales: ClassVar[bool] = True  # light beyond white too
 
+    @property
+    def everywhere(self) -> bool:
+        """Whether it asks for no surfaces."""
+        return not self.unlit and self.instance_ids is None
+
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
@@ -75,6 +80,7 @@ class LightColor(Operator):
     lamp: Annotated[int, Field(ge=1, le=rig.MOST_LAMPS)] | Literal["strongest", "all"] | None = None
 
     effect: ClassVar[Effect] = Effect.RGB
+    everywhere: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(lamps="lamp")
     asked_as: ClassVar[Mapping[str, str]] = {
         "light": "mood, atmosphere, ambience, tone, ambient light, light level, sunshine, "

@@ -20,6 +20,7 @@ class Sensing(Operator):
     each: bool = False
 
     effect: ClassVar[Effect] = Effect.RGB
+    everywhere: ClassVar[bool] = True
     makes: ClassVar[Callable[..., Sensor]]
 
     @abstractmethod

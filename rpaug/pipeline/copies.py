@@ -108,7 +108,24 @@ class Made:
     @property
     def recorded(self) -> Episode:
         """The episode as its source has it: `episode` is what the scene shows."""
-        return self.scene.back(self.episode) if self.scene.back else self.episode
+        back = self.scene.back
+        return back(self.episode, views.everywhere(self.scene)) if back else self.episode
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """What is not edited in frames of a video whose camera was not found, in words."""
+        missing = getattr(self.scene.back, "missing", ())
+        edits = [one.option for one in self.draws if one.edit is not None and one.option]
+        placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
+        if not missing or not placed:
+            return ()
+        first = [t for t in missing if t - 1 not in missing]
+        last = [t for t in missing if t + 1 not in missing]
+        spans = ", ".join(
+            f"{a} to {b}" if a < b else str(a) for a, b in zip(first, last, strict=True)
+        )
+        total = f"{len(missing)} of {len(missing) + self.episode.length} frames"
+        return (f"{total} ({spans}) have no camera pose and go without {', '.join(placed)}",)
 
     @property
     def repainted(self) -> dict[int, str]:

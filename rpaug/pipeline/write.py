@@ -121,7 +121,7 @@ def side_files(
         recipe=dict(recipe),
         draws=[draw.describe() for draw in made.draws],
         repainted=made.repainted,
-        plan=replace(made.plan, warnings=(*made.plan.warnings, *said)).describe(),
+        plan=replace(made.plan, warnings=(*made.plan.warnings, *made.lacking, *said)).describe(),
         tally=made.tally,
         surfels=drawn(made),
         gaussians=len(made.scene.gaussians or ()),

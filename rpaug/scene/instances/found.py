@@ -1,10 +1,10 @@
 """What finding an episode's instances comes to, and the interface of whoever finds them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from rpaug.core.types import Belief, Body, Episode, Scene
+from rpaug.core.types import Back, Belief, Body, Episode, Scene
 from rpaug.scene import antialias
 
 
@@ -21,7 +21,7 @@ class FoundInstances:
     bodies: tuple[Body, ...] = ()
     roles: Mapping[str, frozenset[int]] = field(default_factory=dict)
     photographed: bool = False
-    back: Callable[[Episode], Episode] | None = None
+    back: Back | None = None
     notes: tuple[str, ...] = ()
     beliefs: Mapping[str, Belief] = field(default_factory=dict)
     names: Mapping[str, frozenset[int]] = field(default_factory=dict)

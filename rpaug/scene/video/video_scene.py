@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
 from rpaug.core.pixels import grown
-from rpaug.core.types import Body, Camera, CameraView, Episode, Scene
+from rpaug.core.types import Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
 from rpaug.scene.video import instances, sweep
 from rpaug.scene.video.frame import PosedFrame, SegmentedFrames, segments
@@ -50,6 +50,11 @@ class VideoScene:
     def name(self) -> str:
         """Of the only view."""
         return next(iter(self.recorded.views))
+
+    @cached_property
+    def missing(self) -> list[int]:
+        """Recorded frames that the scene does not hold."""
+        return sorted(set(range(self.recorded.length)) - set(self.model.times.tolist()))
 
     @cached_property
     def lens(self) -> Lens:
@@ -107,8 +112,8 @@ class VideoScene:
             self.episode, bodies, roles, photographed=True, back=self, beliefs=beliefs
         )
 
-    def __call__(self, edited: Episode) -> Episode:
-        """The recording with the frames of an edited scene in it."""
+    def __call__(self, edited: Episode, everywhere: Everywhere) -> Episode:
+        """The recording with the frames of an edited scene in it, and in all others what is edited everywhere."""
         before, after = self.episode.views[self.name], edited.views[self.name]
         recorded = self.recorded.views[self.name]
         view = recorded
@@ -117,7 +122,7 @@ class VideoScene:
 
             def rgb(t: int) -> UInt8[np.ndarray, "h w 3"]:
                 if t not in place:
-                    return recorded.rgb(t)
+                    return everywhere(recorded.rgb(t), self.name, t)
                 k = place[t]
                 return self.lens.bent(recorded.rgb(t), before.rgb(k), after.rgb(k))
 
@@ -126,11 +131,10 @@ class VideoScene:
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the report."""
-        missing = sorted(set(range(self.recorded.length)) - set(self.model.times.tolist()))
         return {
             "frames": self.recorded.length,
             "registered": len(self.model.times),
-            "passed_through": missing,
+            "passed_through": self.missing,
             "contradicted": list(self.contradicted),
             "moving_share": round(float(np.mean([m.mean() for m in self.moving])), 4)
             if self.moving

@@ -11,8 +11,12 @@ import walks
 from rpaug import BadInput, Unsupported
 from rpaug.compose import views
 from rpaug.core import geometry
+from rpaug.operators.light_color import LightColor
 from rpaug.pipeline import recipe
+from rpaug.pipeline.copies import Draw, Made
 from rpaug.pipeline.inspect import inspect
+from rpaug.pipeline.plan import Plan
+from rpaug.pipeline.report import Tally
 from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction, believed, load, save
@@ -139,10 +143,10 @@ def test_things_keep_their_handles_over_frames(made: VideoScene) -> None:
 def test_unregistered_frames_and_untouched_pixels_pass_through(made: VideoScene) -> None:
     scene = made.scene()
     shown = views.edited(scene, {"ego": 0}, lambda *given: None)
-    assert made(shown).views["ego"].rgb is made.recorded.views["ego"].rgb
+    assert made(shown, views.everywhere(scene)).views["ego"].rgb is made.recorded.views["ego"].rgb
     view = shown.views["ego"]
     painted = replace(view, rgb=lambda k: np.full_like(view.rgb(k), 77))
-    back = made(replace(shown, views={"ego": painted}))
+    back = made(replace(shown, views={"ego": painted}), views.everywhere(scene))
     assert back.length == LENGTH
     assert np.array_equal(back.views["ego"].rgb(8), made.recorded.views["ego"].rgb(8))
     assert (back.views["ego"].rgb(9) == 77).all()
@@ -151,6 +155,31 @@ def test_unregistered_frames_and_untouched_pixels_pass_through(made: VideoScene)
     assert given["registered"] == 9
     assert given["passed_through"] == [8]
     assert "relative" in given["unit"]
+
+
+def test_light_falls_on_unregistered_frames_too(made: VideoScene) -> None:
+    scene, operator = made.scene(), LightColor(recorded=(0.5, 0.5, 0.5))
+    dim = operator.apply(scene, {"gain": [0.5, 0.25, 1.0], "unlit": []})
+    back = made(views.edited(dim, {"ego": 0}, lambda *given: None), views.everywhere(dim))
+    for t in (7, 8, 9):
+        before, after = (one.views["ego"].rgb(t).astype(float) for one in (made.recorded, back))
+        assert np.abs(after / 255 - before / 255 * [0.5, 0.25, 1.0]).mean() < 0.01
+
+
+def test_what_unregistered_frames_go_without_is_said(made: VideoScene) -> None:
+    """Frame 8 has no pose, so it keeps its table; its light and its noise need none."""
+    draws = tuple(
+        Draw(0, recipe.option(name, {}), {})
+        for name in ("light_color", "table_texture", "sensor_noise", "distractors")
+    )
+    scene = made.scene()
+    plan = Plan(tier=0, representations={"ego": 0}, bodies=True)
+    one = Made(scene.episode, scene, draws, plan, Tally(["ego"]))
+    (said,) = one.lacking
+    assert (
+        said == "1 of 10 frames (8) have no camera pose and go without table_texture, distractors"
+    )
+    assert replace(one, draws=draws[:1]).lacking == ()
 
 
 def test_inspect_names_the_handles_that_edits_go_by(
