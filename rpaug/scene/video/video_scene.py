@@ -22,6 +22,7 @@ from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction
+from rpaug.scene.video.upsampled import upsampled
 
 SURE = 0.6  # of its roles: nothing checks them by contact
 KEPT = 8  # images of one kind
@@ -187,9 +188,8 @@ class VideoScene:
         return np.where(near, met, depth).astype(np.float32)
 
     def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
-        size = self.lens.size
-        small = self._given(k)
-        return cv2.resize(small, size, interpolation=cv2.INTER_NEAREST).astype(np.int32)
+        image = self.episode.views[self.name].rgb(k)
+        return upsampled(self._given(k), image)
 
     @cached_property
     def _named(self) -> Callable[[int], tuple[PosedFrame, Int32[np.ndarray, "h w"]]]:
