@@ -26,45 +26,51 @@ def matched(source: Source, like: Source, tolerance: float) -> Source:
     """
     assert source.lifted is not None
     assert like.lifted is not None
-    near = source.lifted.near
-    use = np.ones(near.shape, bool) if source.use is None else source.use
-    instance_ids, ratios = _ratios(
-        near, use, source.ids, source.rgb, intrinsics(source.K),
-        relative(source.cam_to_world, like.cam_to_world),
-        like.lifted.near, like.ids, like.rgb, intrinsics(like.K), tolerance,
+    use = np.zeros((0, 0), np.bool_) if source.use is None else source.use
+    instance_ids, factors = _gains(
+        source.lifted.near, use, source.ids, source.rgb, source.K, source.cam_to_world,
+        like.lifted.near, like.ids, like.rgb, like.K, like.cam_to_world, tolerance,
     )  # fmt: skip
-    return replace(source, gains=Gains(*_medians(instance_ids, ratios)))
+    return replace(source, gains=Gains(instance_ids, factors))
 
 
 @kernel
-def _medians(instance_ids, ratios):
-    """The instance ids, and of each per channel the median ratio; 0 among the ratios says nothing."""
-    known = np.unique(instance_ids)
-    gains = np.ones((len(known), 3), np.float32)
-    found = np.empty(len(instance_ids), np.float32)
-    for k in range(len(known)):
-        for channel in range(3):
-            count = 0
-            for row in range(len(instance_ids)):
-                if instance_ids[row] == known[k] and ratios[row, channel] > 0:
-                    found[count] = ratios[row, channel]
-                    count += 1
-            if count >= FEWEST:
-                middle = float(np.median(found[:count]))
+def _gains(
+    near, use, ids, rgb, K, pose, like_near, like_ids, like_rgb, like_K, like_pose, tolerance
+):
+    """The instance ids that both images show somewhere, and of each per channel the median ratio there / here."""
+    known, things, ratios = _ratios(
+        near, use, ids, rgb, intrinsics(K), relative(pose, like_pose),
+        like_near, like_ids, like_rgb, intrinsics(like_K), tolerance,
+    )  # fmt: skip
+    points = np.bincount(things, minlength=len(known))
+    start = np.cumsum(points) - points
+    gains, found = np.ones((len(known), 3), np.float32), np.empty(len(things), np.float32)
+    for channel in range(3):
+        end = start.copy()
+        for n in range(len(things)):
+            if ratios[n, channel] > 0:
+                found[end[things[n]]] = ratios[n, channel]
+                end[things[n]] += 1
+        for k in range(len(known)):
+            if end[k] - start[k] >= FEWEST:
+                middle = float(np.median(found[start[k] : end[k]]))
                 gains[k, channel] = min(max(middle, 1 / STRONGEST), STRONGEST)
     return known, gains
 
 
 @kernel
 def _ratios(near, use, ids, rgb, lens, pose, like_near, like_ids, like_rgb, like_lens, tolerance):
-    """Handle, and color there / color here of each point that both images show."""
+    """The instance ids, and of each point that both images show the place of its own among them and color there / color
+    here, 0 where that says nothing."""
     most = ((near.shape[0] + STRIDE - 1) // STRIDE) * ((near.shape[1] + STRIDE - 1) // STRIDE)
-    instance_ids, ratios = np.zeros(most, np.int32), np.zeros((most, 3), np.float32)
-    count = 0
+    things, ratios = np.empty(most, np.int64), np.zeros((most, 3), np.float32)
+    known = np.empty(most, np.int32)
+    count = different = thing = 0
     for row in range(0, near.shape[0], STRIDE):
         for column in range(0, near.shape[1], STRIDE):
             here = near[row, column]
-            if here <= 0.0 or not use[row, column]:
+            if here <= 0.0 or (use.size and not use[row, column]):
                 continue
             x, y, ahead = map_pixel(column, row, here, lens, pose, like_lens)
             if not ahead > NEAR:
@@ -76,10 +82,16 @@ def _ratios(near, use, ids, rgb, lens, pose, like_near, like_ids, like_rgb, like
                 continue
             if abs(like_near[i, j] * ahead - here) > tolerance * here:
                 continue
-            instance_ids[count] = ids[row, column]
+            if not different or known[thing] != ids[row, column]:  # often the last one's
+                thing = 0
+                while thing < different and known[thing] != ids[row, column]:
+                    thing += 1
+                known[thing] = ids[row, column]
+                different = max(different, thing + 1)
+            things[count] = thing
             for channel in range(3):
                 one, other = like_rgb[i, j, channel], rgb[row, column, channel]
                 if one >= DARKEST and other >= DARKEST:
                     ratios[count, channel] = one / other
             count += 1
-    return instance_ids[:count], ratios[:count]
+    return known[:different], things[:count], ratios[:count]

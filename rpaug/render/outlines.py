@@ -76,9 +76,11 @@ def _footprints(near, ids, step, slope, edge, line):
                 continue
             slope[row, column, 0] = _slope(near, ids, row, column, 0, 1)
             slope[row, column, 1] = _slope(near, ids, row, column, 1, 0)
+    within = np.empty(near.shape[1], np.bool_)
     for row in range(near.shape[0]):
+        _within(near, ids, slope, row, within)
         for column in range(near.shape[1]):
-            if near[row, column] <= 0.0:
+            if near[row, column] <= 0.0 or within[column]:
                 continue
             edge[row, column] = _edge(near, ids, slope, step, row, column)
             if edge[row, column] >= TOUCHING:
@@ -101,6 +103,24 @@ def _slope(near, ids, row, column, down, right):
             if near[i, j] > 0.0 and ids[i, j] == ids[row, column] and abs(step) < limit:
                 best, limit = step, abs(step)
     return best
+
+
+@kernel
+def _within(near, ids, slope, row, out):
+    """Which pixels of a row lie within their surface: each known neighbour shows it too. Without branches, for vectors;
+    `_edge` finds the same."""
+    width = near.shape[1]
+    out[:] = True
+    for i in range(max(0, row - 1), min(near.shape[0], row + 2)):
+        for right in range(-1, 2):
+            left, end = max(0, -right), min(width, width - right)
+            here, there = near[row, left:end], near[i, left + right : end + right]
+            own, other = ids[row, left:end], ids[i, left + right : end + right]
+            steps, still = slope[row, left:end].reshape(-1), out[left:end]
+            for k in range(len(here)):
+                off = there[k] - (here[k] + steps[2 * k] * right + steps[2 * k + 1] * (i - row))
+                same = (own[k] == other[k]) & (abs(off) < BEND * here[k])
+                still[k] &= same | (there[k] < 0.0)
 
 
 @inlined

@@ -13,6 +13,7 @@ from rpaug.core.jit import kernel
 NEAR = 1e-3  # of a surfel's recorded depth: a corner nearer to the target camera than this is not drawn
 
 
+@kernel
 def intrinsics(K: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
     """Focal lengths and principal point (fx, fy, cx, cy) in pixels."""
     return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2]])
@@ -49,8 +50,12 @@ def relative(here, there):
 @kernel
 def map_pixel(u, v, near, target, pose, lens):
     """Pixel (column, row) and depth ratio, in another camera, of the target's pixel (u, v) at 1/z = near."""
-    p = (u - target[2]) / target[0]
-    q = (v - target[3]) / target[1]
+    return map_ray((u - target[2]) / target[0], (v - target[3]) / target[1], near, pose, lens)
+
+
+@kernel
+def map_ray(p, q, near, pose, lens):
+    """The same of the target's ray (p, q, 1)."""
     ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + near * pose[2, 3]
     column = pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + near * pose[0, 3]
     row = pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + near * pose[1, 3]

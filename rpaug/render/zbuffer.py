@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float32, Float64, Int16, Int32, UInt8
 from rpaug.core.jit import inlined, kernel
 from rpaug.render.lookup import add_color
 from rpaug.render.outlines import BEFORE, BEHIND, HALF, INSIDE, WIDE, Footprints, footprints
-from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
+from rpaug.render.pinhole import NEAR, intrinsics, map_ray, relative
 
 SAME_SURFACE = 0.006  # of depth: closer than this, the earlier source is believed
 TOUCH = 0.05  # of that: so close are what was put elsewhere and what it touches there
@@ -32,6 +32,7 @@ COARSER = (
 STREAK = 2  # doublings of its length at which a pixel at least twice as long as wide is not drawn
 BEYOND = 1 << 16  # added to the rank of what reaches past its own pixel: later than any source
 SLIVER = 1e-12  # pixels: less of the target than this a recorded pixel does not cover
+PIECE = 128  # pixels of a row that are worked out at once
 EARLIER = BEYOND >> 1  # taken from the rank of what comes before all others, however stretched
 
 
@@ -137,21 +138,20 @@ def render(
     target = intrinsics(K)
     nobody, everything = np.zeros((0, 0)), np.zeros((0, 0), np.bool_)
     near_seen = nobody if witness is None else np.maximum(_near(witness), 0.0)
+    lens, back = target, np.zeros((3, 4))
+    if witness is not None:
+        lens, back = intrinsics(witness.K), relative(cam_to_world, witness.cam_to_world)
     lifted = [each if each.lifted else lift(each, tolerance) for each in sources]
     lenses = [intrinsics(each.K) for each in lifted]
     homes = [relative(cam_to_world, each.cam_to_world) for each in lifted]
     for index, each in enumerate(lifted):
-        seen, lens, back = nobody, target, np.zeros((3, 4))
-        if each.carved and witness is not None:
-            seen, lens = near_seen, intrinsics(witness.K)
-            back = relative(cam_to_world, witness.cam_to_world)
         prints = each.lifted
         assert prints is not None
         use = everything if each.use is None else each.use
         _draw(
             prints.near, use, each.ids, prints.slope, prints.edge, prints.line, lenses[index],
-            relative(each.cam_to_world, cam_to_world), homes[index], target,
-            index, index - EARLIER * each.before, seen, lens, back, tolerance, nearest, rank, source, pixel, ids,
+            relative(each.cam_to_world, cam_to_world), homes[index], target, index, index - EARLIER * each.before,
+            near_seen if each.carved else nobody, lens, back, tolerance, nearest, rank, source, pixel, ids,
         )  # fmt: skip
     stretch = _stretch(rank)
     rgb = np.zeros((height, width, 3), np.float32)
@@ -191,7 +191,8 @@ def _carve(shown, depth, target, back, lens, seen, tolerance):
         for u in range(shown.shape[1]):
             if shown[v, u] and depth[v, u] > 0.0:
                 near = 1.0 / depth[v, u]
-                shown[v, u] = not _seen_through(u, v, near, target, back, lens, seen, tolerance)
+                p, q = (u - target[2]) / target[0], (v - target[3]) / target[1]
+                shown[v, u] = not _seen_through(p, q, near, back, lens, seen, tolerance)
 
 
 @kernel
@@ -236,101 +237,137 @@ def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 
 @kernel
-# Long: one kernel is one function; what its innermost loop needs of a footprint are a score of numbers.
 def _draw(
     near, use, ids, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest,
     rank, source, pixel, won,
 ):  # fmt: skip
     """Draw one source's surfels, of the pixels to `use` (none given: of all): rasterise each footprint, keep the
-    nearest, leave out what was seen through.
+    nearest, leave out what was seen through."""
+    height, width = nearest.shape
+    rays = (np.arange(width) - target[2]) / target[0]
+    prints = np.empty((11, PIECE))
+    for row in range(near.shape[0]):
+        for begin in range(0, near.shape[1], PIECE):
+            piece = slice(begin, begin + PIECE)
+            if use.size and not use[row, piece].any():
+                continue
+            _project(
+                near[row, piece], slope[row, piece].reshape(-1), edge[row, piece], row, begin, lens, pose, target,
+                width, height, prints.reshape(-1),
+            )  # fmt: skip
+            for at in range(min(PIECE, near.shape[1] - begin)):
+                left, right, top, bottom = (
+                    prints[0, at],
+                    prints[1, at],
+                    prints[2, at],
+                    prints[3, at],
+                )
+                column = begin + at
+                if not (left <= right and top <= bottom) or (use.size and not use[row, column]):
+                    continue
+                doublings = _doublings(prints[9, at], prints[10, at])
+                if doublings < 0:
+                    continue
+                place = first + COARSER * doublings
+                here, ends = near[row, column], edge[row, column]
+                half = HALF if ends == INSIDE else WIDE
+                x, y, hit_here, dx, dy = (
+                    prints[4, at],
+                    prints[5, at],
+                    prints[6, at],
+                    prints[7, at],
+                    prints[8, at],
+                )
+                for v in range(int(top), int(bottom) + 1):
+                    q = (v - target[3]) / target[1]
+                    for u in range(int(left), int(right) + 1):
+                        hit = hit_here + dx * (u - x) + dy * (v - y) if here > 0.0 else 0.0
+                        if hit < 0.0 or (here > 0.0 and hit == 0.0):
+                            continue
+                        if not _wins(hit, place, nearest[v, u], rank[v, u], tolerance):
+                            continue
+                        i, j, _ = map_ray(rays[u], q, hit, home, lens)
+                        i, j = i - column, j - row
+                        if not (abs(i) <= half and abs(j) <= half):
+                            continue
+                        order = place
+                        if ends != INSIDE and not _covers(i, j, ends, line[row, column]):
+                            if ends == BEFORE:
+                                continue
+                            order += BEYOND
+                            if not _wins(hit, order, nearest[v, u], rank[v, u], tolerance):
+                                continue
+                        if seen.size and _seen_through(
+                            rays[u], q, hit, back, witness, seen, tolerance
+                        ):
+                            continue
+                        nearest[v, u] = hit
+                        rank[v, u] = order
+                        source[v, u] = index
+                        pixel[v, u] = row * near.shape[1] + column
+                        won[v, u] = ids[row, column]
+
+
+@kernel
+def _project(near, slope, edge, row, first, lens, pose, target, width, height, out):
+    """Where the target sees the footprints of a row's pixels: centre (x, y), half width and height (NaN: not at all),
+    1/z there and its change per pixel to the right and down, and of the map from recorded to drawn pixels the squares'
+    sum and the determinant.
 
     The point at pixel ray r and inverse depth w maps to R r + w t, which also holds at infinity. It is affine in the
-    pixel, so that a footprint's map is known from its centre and two steps.
+    pixel, so that a footprint's map is known from its centre and two steps. Without branches, for vectors.
     """
-    height, width = nearest.shape
     right_x, right_y, right_z = pose[0, 0] / lens[0], pose[1, 0] / lens[0], pose[2, 0] / lens[0]
     down_x, down_y, down_z = pose[0, 1] / lens[1], pose[1, 1] / lens[1], pose[2, 1] / lens[1]
-    for row in range(near.shape[0]):
-        q = (row - lens[3]) / lens[1]
-        for column in range(near.shape[1]):
-            here, ends = near[row, column], edge[row, column]
-            if here < 0.0 or (use.size and not use[row, column]):
-                continue
-            p = (column - lens[2]) / lens[0]
-            across, down = slope[row, column, 0], slope[row, column, 1]
-            half = HALF if ends == INSIDE else WIDE
-            ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
-            right_ahead, down_ahead = right_z + across * pose[2, 3], down_z + down * pose[2, 3]
-            turn = half * (abs(right_ahead) + abs(down_ahead))
-            if here < half * (abs(across) + abs(down)) or not ahead - turn > NEAR:
-                continue  # a corner is behind the target camera or too near
-            scale = 1.0 / ahead
-            x = (pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]) * scale
-            y = (pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]) * scale
-            # Steps of a pixel to the right and down, at the centre. Towards a corner they grow by `larger` at most.
-            a = target[0] * scale * (right_x + across * pose[0, 3] - x * right_ahead)
-            b = target[0] * scale * (down_x + down * pose[0, 3] - x * down_ahead)
-            c = target[1] * scale * (right_y + across * pose[1, 3] - y * right_ahead)
-            d = target[1] * scale * (down_y + down * pose[1, 3] - y * down_ahead)
-            larger = half * ahead / (ahead - turn)
-            x, y = target[0] * x + target[2], target[1] * y + target[3]
-            wide, tall = larger * (abs(a) + abs(b)), larger * (abs(c) + abs(d))
-            if not (
-                x + wide >= 0 and x - wide <= width - 1 and y + tall >= 0 and y - tall <= height - 1
-            ):
-                continue
-            area = a * d - b * c
-            if not area > SLIVER:  # seen from behind, edge on, or not a number
-                continue
-            doublings = _doublings(a, b, c, d, area)
-            if doublings < 0:
-                continue
-            place = first + COARSER * doublings
-            # 1/z is affine in the target's pixels too.
-            hit_here = here * scale
-            per_right = scale * (across - hit_here * right_ahead) / area
-            per_down = scale * (down - hit_here * down_ahead) / area
-            dx, dy = per_right * d - per_down * c, per_down * a - per_right * b
-            for v in range(
-                math.ceil(max(0.0, y - tall)), math.floor(min(height - 1.0, y + tall)) + 1
-            ):
-                for u in range(
-                    math.ceil(max(0.0, x - wide)), math.floor(min(width - 1.0, x + wide)) + 1
-                ):
-                    hit = hit_here + dx * (u - x) + dy * (v - y) if here > 0.0 else 0.0
-                    if hit < 0.0 or (here > 0.0 and hit == 0.0):
-                        continue
-                    if not _wins(hit, place, nearest[v, u], rank[v, u], tolerance):
-                        continue
-                    i, j, _ = map_pixel(u, v, hit, target, home, lens)
-                    i, j = i - column, j - row
-                    if not (abs(i) <= half and abs(j) <= half):
-                        continue
-                    order = place
-                    if ends != INSIDE and not _covers(i, j, ends, line[row, column]):
-                        if ends == BEFORE:
-                            continue
-                        order += BEYOND
-                        if not _wins(hit, order, nearest[v, u], rank[v, u], tolerance):
-                            continue
-                    if seen.size and _seen_through(
-                        u, v, hit, target, back, witness, seen, tolerance
-                    ):
-                        continue
-                    nearest[v, u] = hit
-                    rank[v, u] = order
-                    source[v, u] = index
-                    pixel[v, u] = row * near.shape[1] + column
-                    won[v, u] = ids[row, column]
+    q = (row - lens[3]) / lens[1]
+    for k in range(len(near)):
+        here, across, down = near[k], slope[2 * k], slope[2 * k + 1]
+        half = HALF if edge[k] == INSIDE else WIDE
+        p = (first + k - lens[2]) / lens[0]
+        ahead = pose[2, 0] * p + pose[2, 1] * q + pose[2, 2] + here * pose[2, 3]
+        right_ahead, down_ahead = right_z + across * pose[2, 3], down_z + down * pose[2, 3]
+        turn = half * (abs(right_ahead) + abs(down_ahead))
+        scale = 1.0 / ahead
+        x = (pose[0, 0] * p + pose[0, 1] * q + pose[0, 2] + here * pose[0, 3]) * scale
+        y = (pose[1, 0] * p + pose[1, 1] * q + pose[1, 2] + here * pose[1, 3]) * scale
+        # Steps of a pixel to the right and down, at the centre. Towards a corner they grow by `larger` at most.
+        a = target[0] * scale * (right_x + across * pose[0, 3] - x * right_ahead)
+        b = target[0] * scale * (down_x + down * pose[0, 3] - x * down_ahead)
+        c = target[1] * scale * (right_y + across * pose[1, 3] - y * right_ahead)
+        d = target[1] * scale * (down_y + down * pose[1, 3] - y * down_ahead)
+        larger = half * ahead / (ahead - turn)
+        area = a * d - b * c
+        # 1/z is affine in the target's pixels too.
+        hit = here * scale
+        per_right = scale * (across - hit * right_ahead) / area
+        per_down = scale * (down - hit * down_ahead) / area
+        # Not drawn: a corner behind the target camera or too near; what is seen from behind, edge on, or not a number.
+        drawn = (
+            (here >= 0.0)
+            & (here >= half * (abs(across) + abs(down)))
+            & (ahead - turn > NEAR)
+            & (area > SLIVER)
+        )
+        x, y = target[0] * x + target[2], target[1] * y + target[3]
+        wide, tall = larger * (abs(a) + abs(b)), larger * (abs(c) + abs(d))
+        out[k] = np.ceil(max(0.0, x - wide)) if drawn else np.inf
+        out[PIECE + k] = np.floor(min(width - 1.0, x + wide))
+        out[2 * PIECE + k] = np.ceil(max(0.0, y - tall))
+        out[3 * PIECE + k] = np.floor(min(height - 1.0, y + tall))
+        out[4 * PIECE + k], out[5 * PIECE + k] = x, y
+        out[6 * PIECE + k] = hit
+        out[7 * PIECE + k] = per_right * d - per_down * c
+        out[8 * PIECE + k] = per_down * a - per_right * b
+        out[9 * PIECE + k] = a * a + b * b + c * c + d * d
+        out[10 * PIECE + k] = area
 
 
 @inlined
-def _doublings(a, b, c, d, area):
+def _doublings(both, area):
     """How often a recorded pixel's length has doubled on the screen, or -1 for a streak.
 
-    Length and width are the singular values of the map ((a, b), (c, d)) from recorded to drawn pixels.
+    Length and width are the singular values of the map from recorded to drawn pixels, `both` the sum of their squares.
     """
-    both = a * a + b * b + c * c + d * d
     if both < 4.0:  # its length, of which this is the square or more, has not doubled
         return 0
     square = 0.5 * (both + math.sqrt(max(both * both - 4.0 * area * area, 0.0)))
@@ -362,9 +399,9 @@ def _wins(hit, order, held, rank, tolerance):
 
 
 @inlined
-def _seen_through(u, v, near, target, back, witness, seen, tolerance):
-    """Whether the witness recorded something clearly farther where it would see this point."""
-    column, row, ahead = map_pixel(u, v, near, target, back, witness)
+def _seen_through(p, q, near, back, witness, seen, tolerance):
+    """Whether the witness recorded something clearly farther where it would see this point of a ray (p, q, 1)."""
+    column, row, ahead = map_ray(p, q, near, back, witness)
     if not ahead > NEAR:
         return False
     height, width = seen.shape

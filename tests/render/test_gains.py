@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from analytic import BOX, TABLE, look, pinhole, shoot
 
-from rpaug.render.gains import STRONGEST, matched
+from rpaug.render.gains import DARKEST, STRONGEST, matched
 from rpaug.render.zbuffer import Source, lift, render
 
 
@@ -68,3 +68,24 @@ def test_several_that_show_a_place_are_averaged_where_the_first_does_not():
     drawn = render(K, pose, (16, 12), [wall(10, left), wall(60), wall(90), wall(120), wall(255)])
     assert (drawn.image[:, :8] == 10).all()
     assert (drawn.image[:, 8:] == 90).all()
+
+
+def test_factors_are_medians_of_what_both_show():
+    """Twenty things, two of one instance id far apart, of two images from one place."""
+    rng = np.random.default_rng(0)
+    K, pose = pinhole(40, 40), np.eye(4)
+    ids = (np.arange(40) // 2 % 19)[None].repeat(40, 0).astype(np.int32)
+    wall = Source(K=K, cam_to_world=pose, rgb=rng.integers(0, 256, (40, 40, 3), np.uint8),
+                  depth=np.ones((40, 40), np.float32), ids=ids)  # fmt: skip
+    like = replace(wall, rgb=rng.integers(0, 256, (40, 40, 3), np.uint8))
+    found = gains(matched(lift(wall), lift(like), 0.006))
+    assert sorted(found) == list(range(19))
+    here, there = (one.rgb[::2, ::2].astype(float) for one in (wall, like))
+    told = (here >= DARKEST) & (there >= DARKEST)
+    for thing in range(19):
+        shown = ids[::2, ::2] == thing
+        ratios = [(there / np.maximum(here, 1))[..., c][shown & told[..., c]] for c in range(3)]
+        middle = np.clip(
+            [np.median(each.astype(np.float32)) for each in ratios], 1 / STRONGEST, STRONGEST
+        )
+        np.testing.assert_allclose(found[thing], middle, rtol=1e-6)

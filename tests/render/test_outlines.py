@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpaug.render.outlines import BEFORE, BEHIND, INSIDE, TOUCHING, footprints
+from rpaug.render.outlines import BEFORE, BEHIND, INSIDE, TOUCHING, _edge, _within, footprints
 
 
 def halves(angle: float, away: float, far: float, size: int = 15):
@@ -105,3 +105,20 @@ def test_no_outline_takes_in_a_neighbours_centre(angle, away):
         out = -a * right - b * down
         if ids[7 + down, 7 + right] == 2 and out > 0.04:
             assert c < out
+
+
+def test_what_lies_within_a_surface_is_found_at_once_as_pixel_by_pixel():
+    """Noise, an unknown pixel and one infinitely far among two things; `_within` is the fast test before `_edge`."""
+    rng = np.random.default_rng(0)
+    near, ids = halves(0.6, 0.2, far=0.5, size=40)
+    near *= 1 + rng.normal(0, 0.01, near.shape)
+    near[8, 9], near[30, 31] = -1.0, 0.0
+    slope, within = footprints(near, ids).slope, np.empty(40, bool)
+    told = {True: 0, False: 0}
+    for row in range(40):
+        _within(near, ids, slope, row, within)
+        for column in np.flatnonzero(near[row] > 0):
+            found = _edge.py_func(near, ids, slope, 0.006, row, column)
+            assert within[column] == (found == INSIDE)
+            told[found == INSIDE] += 1
+    assert min(told.values()) > 100

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpaug.core import geometry
-from rpaug.render.zbuffer import Source, carve, render, to_bytes
+from rpaug.render.zbuffer import PIECE, Source, carve, render, to_bytes
 
 EYE, AT = (0.1, -0.7, 0.9), (0.0, 0.0, 0.05)
 
@@ -43,10 +43,11 @@ def test_moved_camera_agrees_with_the_closed_form(size):
     assert psnr(view.image[same], rgb[same]) > 38
 
 
-def test_the_recorded_camera_gives_the_recorded_image():
-    recorded = source(distant=True, at=(0.0, 0.3, 0.45))
+@pytest.mark.parametrize("width", [96, 2 * PIECE + 37])
+def test_the_recorded_camera_gives_the_recorded_image(width):
+    recorded = source(distant=True, at=(0.0, 0.3, 0.45), width=width)
     assert (recorded.depth == 0).any()  # sky
-    view = render(recorded.K, recorded.cam_to_world, (96, 80), [recorded])
+    view = render(recorded.K, recorded.cam_to_world, (width, 80), [recorded])
     np.testing.assert_array_equal(view.image, recorded.rgb)
     np.testing.assert_array_equal(view.depth, recorded.depth)
     np.testing.assert_array_equal(view.ids, recorded.ids)
