@@ -76,8 +76,7 @@ def write_episode(
         extra[LANGUAGE] = json_bytes(
             {f"language_instruction{n}": one for n, one in enumerate(episode.descriptions, 1)}
         )
-    if source.beside.where.is_file():
-        extra[cameras.NAME] = files.read_bytes(source.beside.where)
+    extra |= cameras.brought(source.beside)
     rest = {**episode.views, **{name: source.views[name] for name in moved}}
     extra |= cameras.moved(replace(episode, views=rest), source.views, source.beside)
     return extra, said

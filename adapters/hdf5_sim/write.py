@@ -20,7 +20,7 @@ from rpaug_adapters.shared import cameras, fresh
 from rpaug_adapters.shared.hdf5 import dataset, member, opened
 from rpaug_adapters.shared.texts import json_bytes, read_json
 
-from rpaug import BadInput, Camera, CameraView, Episode, Unsupported, files, geometry
+from rpaug import BadInput, Camera, CameraView, Episode, Unsupported, geometry
 
 OPENGL = np.diag([1.0, -1, -1, 1])  # its camera's axes in OpenCV's
 Frame = Callable[[int], np.ndarray]
@@ -46,8 +46,7 @@ def write_episode(episode: Episode, recorded: SimSource | None, work: Path) -> d
     extra = {}
     if (about := described(place)) is not None:
         extra[f"{STAGED}.json"] = json_bytes(about)
-    if recorded.beside.where.is_file():
-        extra[cameras.NAME] = files.read_bytes(recorded.beside.where)
+    extra |= cameras.brought(recorded.beside)
     rest = {**episode.views, **{name: recorded.views[name] for name in placed}}
     return extra | cameras.moved(replace(episode, views=rest), recorded.views, recorded.beside)
 

@@ -65,8 +65,7 @@ class LeRobot(GatheredAdapter):
 
     def read(self, root: Path, key: str) -> Episode:
         folder, split, number = place(root, key)
-        cameras.in_place(root, folder)
-        return read_episode(folder, split, number, key)
+        return read_episode(root, folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, LeRobotSource) else None
@@ -79,8 +78,8 @@ class LeRobot(GatheredAdapter):
             write_files(work, {**extra, **side(*said)})
             if not (folder / INFO).exists():  # last: a write that failed leaves nothing
                 files.write_atomic(folder / INFO, json.dumps(about.given, indent=4).encode())
-            given = recorded and recorded.info.folder / cameras.NAME
-            if given and given.is_file() and not (folder / cameras.NAME).exists():
+            given = recorded and cameras.nearest(recorded.root, recorded.info.folder)
+            if given and not (folder / cameras.NAME).exists():
                 files.write_atomic(folder / cameras.NAME, files.read_bytes(given))
 
     def losses(self, episode: Episode) -> Sequence[str]:

@@ -145,7 +145,7 @@ def _gathered(about: Info) -> Iterator[tuple[str, int]]:
 def _take_out(about: Info, split: str, number: int, spoilt: Collection[Path]) -> None:
     """An episode into a folder of its own, unless its video lies in a `spoilt` file. Raises BadInput."""
     target = about.folder / split / str(number)
-    episode = read_episode(about.folder, split, number, f"{split}/{number}")
+    episode = read_episode(about.folder, about.folder, split, number, f"{split}/{number}")
     if any(span.path in spoilt for span in episode.source.spans.values()):
         return
     work = target.with_name(f".{number}{files.PART}")

@@ -39,6 +39,7 @@ class DepthFeature:
 class LeRobotSource:
     """Where an episode came from: its rows, its videos, and which features its views are."""
 
+    root: Path  # of the dataset as it was given, which may hold several
     info: Info
     own: Path  # what lies beside this episode alone
     number: int | None  # in the gathered dataset; None in a folder of its own
@@ -57,7 +58,7 @@ class LeRobotSource:
 Gathered = tuple[Any, tuple[str, ...], dict[str, Any], dict[str, Span]]
 
 
-def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
+def read_episode(root: Path, folder: Path, split: str, number: int, key: str) -> Episode:
     """Episode `number` of a split, images lazy. Raises BadInput."""
     about = tables.info(folder)
     own = folder / split / str(number)
@@ -67,7 +68,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     rows, tasks, row, spans = _staged(about, own) if at is None else _gathered(about, at)
     length = rows.num_rows
     where = f"{folder}: {split}/{number}"
-    beside = cameras.load(folder, (own, folder))
+    beside = cameras.load(root, (own, folder))
     images = _found(about, beside)
     sizes = {name: _size(where, about, rows, spans, image) for name, image in images.items()}
     tracks = _tracks(where, about, rows)
@@ -85,6 +86,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
 
     def recorded(views: dict[str, CameraView]) -> LeRobotSource:
         return LeRobotSource(
+            root,
             about,
             own,
             at,

@@ -33,9 +33,7 @@ def write_episode(episode: Episode, recorded: RDTSource | None, path: Path) -> d
     if episode.descriptions != recorded.descriptions:
         words = _reworded(recorded, episode)
     extra = {} if words is None else {WORDS: json_bytes(words)}
-    beside = recorded.path.parent / cameras.NAME
-    if beside.is_file():
-        extra[cameras.NAME] = beside.read_bytes()
+    extra |= cameras.brought(recorded.beside)
     return extra | cameras.moved(episode, recorded.views, recorded.beside)
 
 

@@ -51,8 +51,7 @@ class RLDS(GatheredAdapter):
 
     def read(self, root: Path, key: str) -> Episode:
         folder, split, number = place(root, key)
-        cameras.in_place(root, folder)
-        return read_episode(folder, split, number, key)
+        return read_episode(root, folder, split, number, key)
 
     def write(self, episode: Episode, root: Path, key: str, side: Side) -> None:
         recorded = episode.source if isinstance(episode.source, RLDSSource) else None
@@ -73,7 +72,7 @@ class RLDS(GatheredAdapter):
                 common = {FEATURES: tree}
             else:
                 record, extra = encoded_episode(episode, recorded)
-                common = _common(recorded.folder, folder, episode.embeddings.drop)
+                common = _common(recorded, folder, episode.embeddings.drop)
             (work / shards.STAGED).write_bytes(tfrecord.frame(record))
             write_files(work, {**extra, **side()})
             for name, data in common.items():  # last: a write that failed leaves nothing
@@ -118,13 +117,14 @@ class RLDS(GatheredAdapter):
             shards.unpack(folder, spoilt)
 
 
-def _common(source: Path, folder: Path, dropped: bool) -> dict[str, bytes]:
+def _common(recorded: RLDSSource, folder: Path, dropped: bool) -> dict[str, bytes]:
     """What lies beside a dataset's shards, belongs to every episode, and is not in the new folder yet; without vectors
     of words if they are dropped."""
     if (folder / FEATURES).exists():
         return {}
-    names = (cameras.NAME, FEATURES)  # the mark of a dataset last
-    found = {name: files.read_bytes(source / name) for name in names if (source / name).is_file()}
+    beside = cameras.nearest(recorded.root, recorded.folder)
+    found = {} if beside is None else {cameras.NAME: files.read_bytes(beside)}
+    found[FEATURES] = files.read_bytes(recorded.folder / FEATURES)  # the mark of a dataset last
     if dropped:
         tree = without(json.loads(found[FEATURES]), lambda name: bool(Embeddings.among([name])))
         found[FEATURES] = json.dumps(tree, indent=4).encode()

@@ -34,6 +34,7 @@ NUMBERS = frozenset({"float32", "float64", "int32", "int64", "bool", "uint8", "u
 class RLDSSource:
     """Where an episode came from, its record, and which features its views and words are."""
 
+    root: Path  # of the dataset as it was given, which may hold several
     folder: Path
     own: Path  # what lies beside this episode alone
     example: Example
@@ -56,7 +57,7 @@ class RLDSSource:
         return {leaf.key for leaf in leaves}
 
 
-def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
+def read_episode(root: Path, folder: Path, split: str, number: int, key: str) -> Episode:
     """Episode `number` of a split, images lazy. Raises BadInput."""
     known = leaves(folder)
     if known is None:
@@ -65,7 +66,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
     if own.is_dir():
         see_no_link_out(folder, own)
     example = Example(*shards.record(folder, split, number))
-    beside = cameras.load(folder, (own, folder))
+    beside = cameras.load(root, (own, folder))
     images = _found(folder, example, known, beside)
     length = _length(example, known)
     colors = {name: _colors(example, leaf, length) for name, leaf in images.items()}
@@ -82,7 +83,7 @@ def read_episode(folder: Path, split: str, number: int, key: str) -> Episode:
 
     def recorded(views: dict[str, CameraView]) -> RLDSSource:
         return RLDSSource(
-            folder, own, example, views, images, depths, ids, beside, languages, descriptions
+            root, folder, own, example, views, images, depths, ids, beside, languages, descriptions
         )
 
     made = episodes.episode(key, beside, sizes, tracks, length, descriptions, view, recorded)

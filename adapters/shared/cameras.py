@@ -1,7 +1,8 @@
 """`cameras.yaml`: what records say nothing about, cameras and the robot's own numbers, said beside them.
 
-It lies beside the dataset's files (for all episodes) or in an episode's own folder (for that one, as rpaug writes it
-where a camera was moved). Keys are the names of an episode's features, as the adapter calls them.
+It lies beside the dataset's files or above them, up to the root (for all episodes), or in an episode's own folder (for
+that one, as rpaug writes it where a camera was moved). Keys are the names of an episode's features, as the adapter
+calls them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -109,9 +110,10 @@ _NOTHING = Beside()
 
 
 def load(root: Path, folders: tuple[Path, ...]) -> Beside:
-    """The first `cameras.yaml` there is, or an empty one; some layouts look above the dataset's root too. Raises
-    BadInput."""
-    for path in (folder / NAME for folder in folders):
+    """The first `cameras.yaml` in these folders, else in those above the last one, up to the dataset's root, or an
+    empty one; some layouts look above the root too. Raises BadInput."""
+    above = nearest(root, folders[-1])
+    for path in (*(folder / NAME for folder in folders), *([above] if above else [])):
         if any(at := stamp(path)):
             if path.is_relative_to(root):
                 files.see_inside(root, path)
@@ -119,14 +121,15 @@ def load(root: Path, folders: tuple[Path, ...]) -> Beside:
     return _NOTHING
 
 
-def in_place(root: Path, folder: Path) -> None:
-    """See that no `cameras.yaml` lies above the dataset's folder, where nobody would read it. Raises BadInput."""
-    above = folder
-    while above != root:
-        above = above.parent
-        if any(stamp(above / NAME)):
-            expected = f"{folder}, with the dataset's own files"
-            raise BadInput(above / NAME, "folder", found=above, expected=expected)
+def nearest(root: Path, folder: Path) -> Path | None:
+    """The `cameras.yaml` in a folder, or in the nearest above it up to the dataset's root; None where there is none."""
+    above = (one for one in (folder, *folder.parents) if one.is_relative_to(root))
+    return next((one / NAME for one in above if any(stamp(one / NAME))), None)
+
+
+def brought(beside: Beside) -> dict[str, bytes]:
+    """The side file as it is, to be laid with a copy; nothing where there is none."""
+    return {} if beside is _NOTHING else {NAME: files.read_bytes(beside.where)}
 
 
 @lru_cache(16)

@@ -66,8 +66,7 @@ def preview(
     pages.replaced(out)
     keys = pages.chosen(dataset, episode, episodes)
     with progress_bar("previewing", as_json) as count:
-        count(0, len(keys) * draws)
-        made = pages.page(dataset, keys, loaded, draws=draws, frames=frames)
+        made = pages.page(dataset, keys, loaded, draws=draws, frames=frames, count=count)
     write_atomic(out, made)
     if as_json:
         size = round(len(made) / 1e6, 2)

@@ -1,5 +1,5 @@
 const recipe = structuredClone(DATA.recipe);
-const waiting = {timer: 0, again: false, drawing: null, told: 0};
+const waiting = {timer: 0, again: false, drawing: null, told: 0, judge: 0};
 const USUAL = {target: {role: "manipulated"}, color: "blue", camera: "static"};
 
 function operators(group) {
@@ -63,7 +63,7 @@ function gates() {
     again("gates");
   };
   box.dataset.edit = "gates";
-  box.append(element("p", {className: "soft", textContent: "Limits that a copy must keep, measured when copies are written. Without them copies of moved cameras are held to a few."}), pick);
+  box.append(element("p", {className: "soft", textContent: "Limits that a copy must keep. Without them copies of moved cameras are held to a few."}), pick);
   if (recipe.gates) box.append(...Object.entries(schema.properties).map(([name, one]) => limit(name, one)));
   return box;
 }
@@ -140,6 +140,7 @@ function ask() {
   return waiting.drawing;
 }
 async function draw() {
+  clearTimeout(waiting.judge);
   sync();
   const of = episode, frame = of.frames[state.frame];
   try {
@@ -156,7 +157,18 @@ async function draw() {
     document.body.classList.toggle("stale", false);
     say(`drawn in ${told.seconds} s`);
     refresh();
+    if (!shot.judged) waiting.judge = setTimeout(judge, 500);
   } catch (error) { if (of === episode) wrong(error); }
+}
+// What gates say of the copy, over all frames: asked for when nothing else is, and given up where something is.
+async function judge() {
+  const of = shot;
+  try {
+    const told = await asked("/judge", {episode: episode.key, recipe, copy: of.copy});
+    if (of !== shot || !told.judged) return;
+    Object.assign(shot, told);
+    if (told.again) ask(); else refresh();
+  } catch (error) { if (of === shot) wrong(error); }
 }
 async function load() {
   const key = DATA.keys[state.episode], turn = state.episode, path = encodeURIComponent(key);

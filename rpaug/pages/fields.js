@@ -166,6 +166,25 @@ function offer() {
     if ($(id)) $(id).remove();
     document.body.append(element("datalist", {id}, ...names.map((name) => element("option", {value: name}))));
   }
+  document.querySelectorAll("select.instances").forEach(offerInstances);
+}
+function offerInstances(select) {
+  const known = episode && episode.instances.length ? episode.instances : [];
+  select.replaceChildren(element("option", {value: "", textContent: known.length ? "add an instance …" : "none found yet"}),
+    ...known.map((one) => element("option", {value: one.id, textContent: one.words})));
+}
+// The instances of the episode beside a field of their ids: what is picked is added to what the field says.
+function instancesFor(input) {
+  const pick = element("select", {className: "instances"});
+  pick.setAttribute("aria-label", "instances of this episode");
+  pick.onchange = () => {
+    const ids = input.value.split(",").map((part) => part.trim()).filter(Boolean);
+    if (pick.value && !ids.includes(pick.value)) input.value = [...ids, pick.value].join(", ");
+    pick.value = "";
+    input.oninput();
+  };
+  offerInstances(pick);
+  return element("div", {className: "widget"}, input, pick);
 }
 function chosen(kind, value, label, fallback, set) {
   const made = element("select", {}, element("option", {value: "", textContent: written(fallback) || "–"}),
@@ -215,8 +234,9 @@ function orSeveral(all) {
 function widget(name, schema, value, fallback, set, help) {
   const all = kinds(schema), several = orSeveral(all), box = element("div", {className: "widget"});
   if (several) {
-    return one(name, several, Array.isArray(value) || value === undefined ? value : [value], fallback,
+    const made = one(name, several, Array.isArray(value) || value === undefined ? value : [value], fallback,
       (given) => set(given && given.length === 1 ? given[0] : given), help);
+    return name === "handle" ? instancesFor(made) : made;
   }
   if (all.length < 2) return one(name, all[0] || {}, value, fallback, set, help);
   const meant = value === undefined || value === null ? fallback : value;

@@ -170,9 +170,11 @@ function told() {
   if (shot && shot.faults.length) {
     gates.className = "bad";
     gates.textContent = "rejected: " + shot.faults.join("; ");
-  } else if (shot && Object.keys(shot.measured).length) {
-    gates.textContent = "gates passed: " + Object.entries(shot.measured).map(measured).join(", ");
-  } else if (shot) gates.textContent = DATA.served ? "gates are measured when copies are written" : "gates passed";
+  } else if (shot && shot.judged) {
+    const figures = Object.entries(shot.measured).map(measured).join(", ");
+    gates.textContent = figures ? "gates passed: " + figures : "gates passed";
+  } else if (shot) gates.textContent = "gates are being measured, over all frames";
+  if (shot && shot.failed.length) gates.textContent += `. It was drawn again, since a draw before it failed: ${shot.failed.join("; ")}`;
   const change = element("p", {className: "soft", textContent: shot ? "mean change, levels of 255: " + Object.entries(shot.change).map(([k, v]) => `${k} ${v}`).join(", ") : ""});
   $("drawn").replaceChildren(list, gates, change);
   $("roles").replaceChildren(...Object.entries(episode.roles).map(([role, one]) => {

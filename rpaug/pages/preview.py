@@ -2,7 +2,7 @@
 
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -33,14 +33,16 @@ def page(
     *,
     draws: int = DRAWS,
     frames: int | None = None,
+    count: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> bytes:
     """The page of these episodes with copies 1, 2, ... as `rpaug augment` makes them, gates and redraws included.
 
-    Raises RpaugError.
+    `count` is called with the copies that are done, and all. Raises RpaugError.
     """
+    count(0, len(keys) * draws)
     frames = frames or (FRAMES if len(keys) <= FEW else FEWER)
     shown = []
-    for key in keys:
+    for number, key in enumerate(keys, 1):
         session = Session(root, key)
         progress.told(key, "finding what is in the scene")
         described = session.describe()
@@ -53,6 +55,7 @@ def page(
             {**described, "frames": times, "before": deepcopy(session.before(times)), "draws": made}
         )
         progress.told(key, progress.FINISHED)
+        count(number * draws, len(keys) * draws)
     images = _shared(shown)
     told = {"notes": unfinished(root), "recipe": recipe.source, "yaml": text(recipe.source)}
     return built({"episodes": shown, "images": images, **told})

@@ -23,6 +23,10 @@ PATIENCE = 0.5  # seconds
 PAUSE = 0.05  # seconds between two looks whether somebody waits
 
 
+class GivenUp(Exception):
+    """Somebody waits for something else."""
+
+
 class Rehearsal:
     """Draws by turns: who asks goes first, what is only likely to be asked waits until nobody does."""
 
@@ -45,6 +49,18 @@ class Rehearsal:
         finally:
             with self._counting:
                 self._waiting -= 1
+
+    @contextmanager
+    def spare(self) -> Iterator[Callable[[], None]]:
+        """The same for what may be given up: what is given raises `GivenUp` where somebody else waits."""
+
+        def see() -> None:
+            if self._ended or self._waiting > 1:
+                raise GivenUp
+
+        with self.asked():
+            see()
+            yield see
 
     def follow(self, session: Session, recipe: Recipe) -> None:
         """Try ordinary edits on this episode beside those of the recipe, and nothing on another any more."""

@@ -18,7 +18,7 @@ from urllib.parse import parse_qs, urlsplit
 from rpaug.core import memo, progress, registry, safe_yaml
 from rpaug.core.errors import BadInput, RpaugError
 from rpaug.pages import preview
-from rpaug.pages.rehearsal import Rehearsal
+from rpaug.pages.rehearsal import GivenUp, Rehearsal
 from rpaug.pages.session import Session
 from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.recipe import Recipe
@@ -109,10 +109,7 @@ class Server(ThreadingHTTPServer):
     def drawn(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """One frame of one copy under the form's recipe, with the seconds it took. Raises RpaugError."""
         start = time.perf_counter()
-        recipe = recipes.build(_read(asked["recipe"]))
-        session, copy = self.session(asked["episode"]), int(asked["copy"])
-        if not 1 <= copy <= MOST_COPIES:
-            raise RpaugError(f"copy {copy}: expected 1 to {MOST_COPIES}")
+        session, recipe, copy = self._copy(asked)
         with self._rehearsal.asked():
             self.stage = ""
             _ = session.found
@@ -127,6 +124,23 @@ class Server(ThreadingHTTPServer):
             "yaml": preview.text(recipe.source),
             "seconds": taken,
         }
+
+    def judged(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """What gates say of that copy over all frames, as a run judges it, and whether it was drawn again; nothing
+        where something else is asked for meanwhile. Raises RpaugError."""
+        session, recipe, copy = self._copy(asked)
+        with suppress(GivenUp), self._rehearsal.spare() as see:
+            shown = session.judged(recipe, copy, see)
+            return {**shown.verdict(), "again": bool(shown.failed)}
+        return {"judged": False}
+
+    def _copy(self, asked: Mapping[str, Any]) -> tuple[Session, Recipe, int]:
+        """Which copy of which episode is asked for, under which recipe. Raises RpaugError."""
+        recipe = recipes.build(_read(asked["recipe"]))
+        session, copy = self.session(asked["episode"]), int(asked["copy"])
+        if not 1 <= copy <= MOST_COPIES:
+            raise RpaugError(f"copy {copy}: expected 1 to {MOST_COPIES}")
+        return session, recipe, copy
 
     def server_close(self) -> None:
         """Free the port."""
@@ -196,17 +210,19 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(404, b"no such page", "text/plain")
 
     def do_POST(self) -> None:
-        """A frame under a recipe."""
+        """A frame under a recipe, or what gates say of the copy."""
+        work = {"/draw": self.server.drawn, "/judge": self.server.judged}
+        asked = work.get(urlsplit(self.path).path)
         size = self.headers.get("Content-Length", "")
         if not self._ours():
             self._answer(403, b"not from here", "text/plain")
-        elif urlsplit(self.path).path != "/draw":
+        elif asked is None:
             self._answer(404, b"no such page", "text/plain")
         elif not size.isdecimal() or int(size) > MOST_BYTES:
             self._answer(413, b"too long", "text/plain")
         else:
             data = self.rfile.read(int(size))
-            self._told(lambda: self.server.drawn(json.loads(data)))
+            self._told(lambda: asked(json.loads(data)))
 
     def _ours(self) -> bool:
         """Whether the request names this server as its host, and its page as where it comes from."""

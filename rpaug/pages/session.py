@@ -2,7 +2,7 @@
 
 import json
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -36,6 +36,37 @@ Images = dict[str, dict[str, Any]]
 """By camera: `after`, `depth`, `ids` as data URLs, all frames of one in a sheet of `columns` tiles of `tile` pixels."""
 
 
+@dataclass(frozen=True)
+class ShownCopy:
+    """A copy, whether gates judged it as a run does, and the faults of the draws before it that they rejected."""
+
+    made: Made
+    judged: bool = False
+    failed: tuple[str, ...] = ()
+
+    def verdict(self) -> dict[str, Any]:
+        """Plain values."""
+        figures = self.judged and not self.made.known
+        return {
+            "judged": self.judged,
+            "faults": list(self.made.faults),
+            "failed": list(self.failed),
+            "measured": self.made.figures.describe() if figures else {},
+        }
+
+
+KeptCopies = OrderedDict[tuple[str, int], ShownCopy]
+
+
+def _kept(copies: KeptCopies, key: tuple[str, int], shown: ShownCopy) -> ShownCopy:
+    """The copy, the latest of the few that are kept."""
+    copies[key] = shown
+    copies.move_to_end(key)
+    while len(copies) > KEPT_COPIES:
+        copies.popitem(last=False)
+    return shown
+
+
 @dataclass
 class Session:
     """An episode of a dataset. Raises BadInput where there is none of that key."""
@@ -45,7 +76,8 @@ class Session:
     _reading: Lock = field(default_factory=Lock)
     _scenes: dict[str, Any] = field(default_factory=dict)
     _before: tuple[tuple[int, ...], Images] = (), {}
-    _copies: OrderedDict[tuple[str, int], Made] = field(default_factory=OrderedDict)
+    _copies: KeptCopies = field(default_factory=OrderedDict)
+    _judged: KeptCopies = field(default_factory=OrderedDict)  # apart: others are drawn unasked
 
     @property
     def episode(self) -> Episode:
@@ -95,7 +127,8 @@ class Session:
                 for role, one in described.get("roles", {}).items()
             },
             "instances": [
-                {"id": one.instance_id, "name": names[one.instance_id][0], "color": names[one.instance_id][1]}
+                {"id": one.instance_id, "name": names[one.instance_id][0], "color": names[one.instance_id][1],
+                 "words": f"{one.instance_id}: {f'{one.role}, ' if one.role else ''}{one.color_name}"}
                 for one in rows
             ],
         }  # fmt: skip
@@ -113,17 +146,33 @@ class Session:
         chosen = made if recipe.accuracy else wanted
         return PreparedEpisode(scene, chosen, recipe, kept, memory=memory)
 
-    def made(self, recipe: Recipe, copy: int, judged: bool) -> Made:
-        """Copy number `copy`, judged over all frames as a run does, or not. Raises RpaugError."""
+    def copy(self, recipe: Recipe, copy: int) -> ShownCopy:
+        """Copy number `copy`, not judged unless it is kept as `judged` made it. Raises RpaugError."""
         prepared = self.prepared(recipe)
-        if judged:
-            return draw_copy(prepared, copy, rendered)
         key = json.dumps(prepared.recipe.source), copy
-        made = self._copies.pop(key, None) or draw_copy(prepared, copy, lambda _: ())
-        self._copies[key] = made
-        while len(self._copies) > KEPT_COPIES:
-            self._copies.popitem(last=False)
-        return made
+        if key in self._judged:
+            return self._judged[key]
+        shown = self._copies.get(key) or ShownCopy(draw_copy(prepared, copy, lambda _: ()))
+        return _kept(self._copies, key, shown)
+
+    def judged(
+        self, recipe: Recipe, copy: int, before: Callable[[], None] = lambda: None
+    ) -> ShownCopy:
+        """The same as a run judges it, over all frames, and draws it again where its gates reject it.
+
+        `before` is called before each frame, and may raise to end it. Raises RpaugError.
+        """
+        prepared, faults = self.prepared(recipe), list[tuple[str, ...]]()
+
+        def judge(made: Made) -> Sequence[str]:
+            faults.append(tuple(rendered(made, before)))
+            return faults[-1]
+
+        made = draw_copy(prepared, copy, judge)
+        before_it = faults if made.known else faults[:-1]
+        failed = tuple(fault for draw in before_it for fault in draw)
+        shown = ShownCopy(made, True, failed)
+        return _kept(self._judged, (json.dumps(prepared.recipe.source), copy), shown)
 
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images, the latest kept; many of them as JPEG only where that is smaller than exact pixels."""
@@ -141,7 +190,8 @@ class Session:
 
         `judged` measures the gates over all frames, as a run does, and draws again where they fail. Raises RpaugError.
         """
-        made = self.made(recipe, copy, judged)
+        shown = self.judged(recipe, copy) if judged else self.copy(recipe, copy)
+        made = shown.made
         numbers = self._numbers(made, frames)
         views, before = made.recorded.views, self.before(frames)
         return {
@@ -149,8 +199,7 @@ class Session:
             "copy": copy,
             "words": told.draws((one.describe() for one in made.draws), made.repainted),
             "instruction": made.recorded.instruction,
-            "faults": list(made.faults),
-            "measured": made.figures.describe() if judged else {},
+            **shown.verdict(),
             "added": self._added(made, numbers),
             "change": self._change(made, frames),
             "images": {

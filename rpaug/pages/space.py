@@ -195,7 +195,7 @@ def of_episode(root: Path, key: str | None, recipe: Recipe | None, copy: int) ->
     if recipe is None:
         return Space(title, session.episode.length, session.found[2], names)
     progress.told(title, "making the copy")
-    made = session.made(recipe, copy, judged=False)
+    made = session.copy(recipe, copy).made
     new = {one: (f"new {one}", (230, 60, 200)) for one in sorted(added_ids(made))}
     return Space(
         f"{title}, copy {copy}",

@@ -162,13 +162,21 @@ Judge = Callable[[Made], Sequence[str]]
 as it judges it, so that every image is rendered once."""
 
 
-def rendered(made: Made) -> Sequence[str]:
-    """The judge of copies that stay in memory: renders every edited image if there are limits to judge them by."""
+def _go_on() -> None:
+    """Let every frame be made."""
+
+
+def rendered(made: Made, before: Callable[[], None] = _go_on) -> Sequence[str]:
+    """The judge of copies that stay in memory: renders every edited image if there are limits to judge them by.
+
+    `before` is called before each frame, and may raise to end it.
+    """
     if made.gates is None or not made.gates.limits:
         return ()
     for name, view in made.episode.views.items():
         if view.rgb is not made.scene.episode.views[name].rgb:
             for t in range(made.episode.length):
+                before()
                 view.rgb(t)
     return made.judged()
 

@@ -14,7 +14,8 @@ import pytest
 from typer.testing import CliRunner
 
 from rpaug.cli import app
-from rpaug.core import owner, registry
+from rpaug.cli.progress import Position
+from rpaug.core import owner, progress, registry
 from rpaug.pages import preview
 from rpaug.pages.session import Session, sheet, smallest
 from rpaug.pipeline import journal, recipe
@@ -125,6 +126,21 @@ def test_a_scene_is_built_once_for_recipes_that_need_the_same() -> None:
     assert session.prepared(recipe.build(other)).scene is first.scene
     drawn = session.drawn(recipe.build(other), 1, [8], judged=False)
     assert drawn["words"][0][1].endswith("red")
+
+
+def test_progress_goes_on_from_episode_to_episode() -> None:
+    position, reached = Position("previewing"), []
+
+    def hear(told: progress.Told) -> None:
+        position.hear(told)
+        if told["stage"] == progress.COPY:
+            reached.append(position.reached)
+
+    key = registry.adapter("rlbench").episodes(registry.SAMPLE)[0]
+    same = recipe.build({"version": 1, "edits": [{"op": "light_color"}]})
+    with progress.heard(hear):
+        preview.page(registry.SAMPLE, [key] * 3, same, draws=2, frames=1, count=position.count)
+    assert reached == [1, 2, 3, 4, 5, 6]
 
 
 def test_the_command_writes_a_page_and_spares_what_is_not_one(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from rpaug.cli import app
 from rpaug.core import registry
 from rpaug.core.errors import BadInput
 from rpaug.pages import serve
-from rpaug.pipeline import recipe
+from rpaug.pipeline import copies, recipe
 
 RECIPE = {
     "version": 1,
@@ -62,6 +62,46 @@ def test_a_frame_is_drawn_under_the_recipe_of_the_form(running: serve.Server) ->
     edit = {**RECIPE["edits"][0], "color": {serve.WRITTEN: "{rgb: [1, 0, 0]}"}}  # type: ignore[index]
     code, told = drawn(running, {"version": 1, "edits": [edit]})
     assert told["draw"]["words"][0][1].endswith("→ red")
+
+
+def judged(running: serve.Server, given: Any, **more: Any) -> Any:
+    asked = {"episode": running.keys[0], "recipe": given, "copy": 1} | more
+    return json.loads(ask(running, "judge", asked)[1])
+
+
+def test_gates_say_of_a_drawn_copy_what_a_run_says(running: serve.Server) -> None:
+    moved = [{"op": "camera_pose", "camera": "front", "shift": 0.2}]
+    strict = {"version": 1, "edits": moved, "gates": {"holes": 0.0, "tries": 2}}
+    assert not drawn(running, strict)[1]["draw"]["judged"]
+    told = judged(running, strict)
+    prepared = running.session(running.keys[0]).prepared(recipe.build(strict))
+    run = copies.draw_copy(prepared, 1)
+    assert run.faults
+    assert (told["judged"], told["faults"], told["again"]) == (True, list(run.faults), True)
+    assert told["failed"][0].startswith("holes ")
+    shown = drawn(running, strict, frame=3)[1][
+        "draw"
+    ]  # the copy that was judged, not the first draw of it
+    assert shown["judged"]
+    assert shown["faults"] == list(run.faults)
+    assert judged(running, RECIPE)["faults"] == []
+
+
+def test_judging_gives_way_to_who_asks(running: serve.Server) -> None:
+    with running._rehearsal.asked():
+        waiting = threading.Thread(target=lambda: said.append(judged(running, RECIPE, copy=9)))
+        said: list[Any] = []
+        waiting.start()
+        while running._rehearsal._waiting < 2:
+            time.sleep(0.01)
+        with running._rehearsal.asked():
+            pass
+        with running._rehearsal._counting:
+            running._rehearsal._waiting += 1  # one more, who comes while it is judged
+    waiting.join()
+    with running._rehearsal._counting:
+        running._rehearsal._waiting -= 1
+    assert said == [{"judged": False}]
 
 
 def test_what_is_wrong_is_told_in_the_words_of_recipes(running: serve.Server) -> None:
@@ -225,6 +265,21 @@ def test_lists_gates_and_ranges_have_fields_of_their_own(form: Callable[..., Any
     assert controls > 60
     assert (nameless, unreachable) == (0, 0)
     assert told
+
+
+def test_instances_of_the_episode_are_picked_by_their_words(form: Callable[..., Any]) -> None:
+    script = """
+    await unfold();
+    const pick=inside('1','instances of this episode'),offered=[...pick.options].map((one)=>one.textContent);
+    give(inside('1','role'),'');
+    give(pick,'94');await yaml('handle: 94');
+    give(pick,'201');give(pick,'94');await yaml('[94, 201]');await drawn();
+    give(inside('1','handle'),'4711');await yaml('handle: 4711');
+    return [offered,document.querySelector('[data-edit="1"] input[aria-label=handle]').value];
+    """
+    offered, typed = form(script)
+    assert "94: manipulated, brown" in offered
+    assert typed == "4711"
 
 
 OPENED = """

@@ -72,7 +72,7 @@ def test_frames_are_those_that_a_run_writes_whatever_was_drawn_before(tmp_path: 
     session, top = Session(registry.SAMPLE), {"version": 1, "seed": 5, "gates": False}
     asked = [recipe.build({**top, "edits": edits}) for edits in RECIPES]
     for one in (*asked, *asked[::-1]):
-        session.made(one, 1, judged=False)
+        session.copy(one, 1)
     for number in (1, 3):
         out = tmp_path / str(number)
         augment(registry.SAMPLE, asked[number], out)
@@ -80,7 +80,7 @@ def test_frames_are_those_that_a_run_writes_whatever_was_drawn_before(tmp_path: 
         (key,) = adapter.episodes(out)
         written, drawn = (
             adapter.read(out, key),
-            session.made(asked[number], 1, judged=False).recorded,
+            session.copy(asked[number], 1).made.recorded,
         )
         for name, view in written.views.items():
             for t in (0, 9):
@@ -100,7 +100,7 @@ def test_a_recipe_that_differs_in_its_last_step_draws_that_one_alone(
 
     monkeypatch.setattr(copies, "_drawn", watched)
     for edits in (RECIPES[2], RECIPES[3], RECIPES[2]):
-        session.made(recipe.build({"version": 1, "edits": edits}), 1, judged=False)
+        session.copy(recipe.build({"version": 1, "edits": edits}), 1)
     assert drawn == [0, 1, 2, 2]
-    session.made(recipe.build({"version": 1, "seed": 1, "edits": RECIPES[2]}), 1, judged=False)
+    session.copy(recipe.build({"version": 1, "seed": 1, "edits": RECIPES[2]}), 1)
     assert drawn[4:] == [0, 1, 2]

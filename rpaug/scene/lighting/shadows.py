@@ -11,7 +11,7 @@ simulator's renderer has nothing of the kind; so this is done only for sources w
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import chain
 from typing import Any
 
@@ -211,6 +211,15 @@ class _Look:
     @property
     def outlines(self) -> list[Float64[np.ndarray, "n 3"]]:
         return list(chain.from_iterable(self.things))
+
+    @cached_property
+    def known(self) -> Bool[np.ndarray, "r c"]:
+        """The cells whose light is known, and nothing stands on them."""
+        return ~self.covered & ~np.isnan(self.light)
+
+    @cached_property
+    def logs(self) -> Float64[np.ndarray, "r c"]:
+        return np.asarray(np.log(np.maximum(self.light, 1)))
 
 
 def _looks(scene: Scene, table: _SupportPlane) -> list[_Look]:
@@ -428,18 +437,16 @@ def _contrast(
     """Share of light that is missing in the shadows along a direction, and by how many standard errors, over the looks
     that can tell."""
     cast = [_cast(look.outlines, direction, table) for look in looks]
-    known = [~look.covered & ~np.isnan(look.light) for look in looks]
-    bare = [
-        seen & ~shadow
-        for look, shadow, seen in zip(looks, cast, known, strict=True)
-        if look.relative
-    ]
+    bare = [look.known & ~shadow for look, shadow in zip(looks, cast, strict=True) if look.relative]
     comes_and_goes = np.any(bare, 0) if bare else np.zeros(table.shape, bool)
     offs, weights = [], []
-    for look, shadow, seen in zip(looks, cast, known, strict=True):
-        use = seen & comes_and_goes if look.relative else seen
-        sides = shadow & use, grown(shadow, BESIDE) & ~shadow & use
-        inside, beside = (np.log(np.maximum(look.light[side], 1)) for side in sides)
+    for look, shadow in zip(looks, cast, strict=True):
+        x, y, wide, high = cv2.boundingRect(shadow.view(np.uint8))
+        rows = slice(max(0, y - BESIDE), y + high + BESIDE)
+        near = rows, slice(max(0, x - BESIDE), x + wide + BESIDE)
+        use = look.known[near] & comes_and_goes[near] if look.relative else look.known[near]
+        shadow, logs = shadow[near], look.logs[near]
+        inside, beside = logs[shadow & use], logs[grown(shadow, BESIDE) & ~shadow & use]
         if len(inside) >= FEW and len(beside) >= FEW:
             error = np.hypot(
                 inside.std() / np.sqrt(len(inside)), beside.std() / np.sqrt(len(beside))
@@ -458,7 +465,8 @@ def _cast(
     table: _SupportPlane,
 ) -> Bool[np.ndarray, "r c"]:
     """Cells that lie in the shadow of one of the casters."""
-    return _filled([_slid(points, direction) for points in casters], table)
+    ends = np.cumsum([len(points) for points in casters])[:-1]
+    return _filled(np.split(_slid(np.concatenate(casters), direction), ends), table)
 
 
 def _slid(
@@ -472,10 +480,13 @@ def _filled(
     parts: Sequence[Float[np.ndarray, "n 2"]], table: _SupportPlane
 ) -> Bool[np.ndarray, "r c"]:
     mask = np.zeros(table.shape, np.uint8)
-    for points in parts:
-        corners = (hull(points) - table.origin) / table.cell
-        cv2.fillConvexPoly(mask, np.rint(16 * corners).astype(np.int32), 1, shift=4)
-    return mask > 0
+    hulls = [hull(points) for points in parts]
+    corners = np.concatenate([np.zeros((0, 2)), *hulls]) - table.origin
+    fixed, start = np.rint(16 * (corners / table.cell)).astype(np.int32), 0
+    for outline in hulls:
+        cv2.fillConvexPoly(mask, fixed[start : start + len(outline)], 1, shift=4)
+        start += len(outline)
+    return mask.view(bool)
 
 
 def _soft(mask: Bool[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:

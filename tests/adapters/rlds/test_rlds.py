@@ -203,15 +203,6 @@ def test_cameras_are_stand_ins_unless_told(tmp_path: Path) -> None:
     assert episode.robot.gripper_open is not None
 
 
-def test_cameras_told_where_nobody_reads_them_are_refused(tmp_path: Path) -> None:
-    root = dataset(tmp_path)
-    episode = next(iter(RLDS().episodes(root)))
-    RLDS().read(root, episode)
-    (root / "cameras.yaml").write_text("version: 1\n")
-    with pytest.raises(BadInput, match=r"cameras\.yaml: folder: found .*; expected .*own files"):
-        RLDS().read(root, episode)
-
-
 @pytest.mark.parametrize(("name", "metres"), [("depth", 0.001), ("far", 1.0), ("near", 1.0)])
 def test_depth_comes_back_as_it_was_written(tmp_path: Path, name: str, metres: float) -> None:
     root = calibrated(dataset(tmp_path / "in"), f"observation/{name}", metres)
