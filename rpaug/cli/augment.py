@@ -233,6 +233,8 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
             warn("warning", f"{key}: {warning}")
     for words in described["roles"]:
         warn("roles differ", words)
+    for words, copies in described["painted_over"].items():
+        warn("painted over", f"{words} (in {copies} of {described['copies']} copies)")
     for words in lacked:
         warn("left out", words)
     for keys, reason in alike(described["rejected"]):

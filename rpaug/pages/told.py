@@ -30,7 +30,7 @@ def draw(one: Mapping[str, Any], recorded: Mapping[int, str] = NOTHING) -> str:
         told = WORDS.get(one["op"], _plain)(fields, _named(edit, recorded))
     except (KeyError, IndexError, TypeError, ValueError):  # a report of another version
         told = _plain(fields, edit)
-    notes = [*one.get("fell_short", ()), *_shadows(edit)]
+    notes = [*one.get("fell_short", ()), *one.get("painted_over", ()), *_shadows(edit)]
     return f"{told} ({'; '.join(notes)})" if notes else told
 
 
