@@ -142,6 +142,27 @@ def test_no_id_is_written_where_it_would_be_refused() -> None:
     assert "  table: {color: gray, all: true}" in by_color
 
 
+def test_a_doubted_role_is_written_as_a_comment_that_settles_it(tmp_path: Path) -> None:
+    rows = [
+        SimpleNamespace(role="robot", instance_id=1, color_name="black", pixels={"a": 9}),
+        SimpleNamespace(role="", instance_id=2, color_name="silver", pixels={"a": 90}),
+    ]
+    doubt = {"table": {"handles": [2], "reasons": ["color alone does not tell it"]}}
+    for lasting, expected in (
+        (True, SettledRole(handle=[2])),
+        (False, SettledRole(color="silver", all=True)),
+    ):
+        text = inspection.roles_file(rows, [], lasting, doubt)  # type: ignore[arg-type]
+        (tmp_path / NAME).write_text(text)
+        assert "table" not in read(tmp_path)
+        assert "# table is doubted: color alone does not tell it." in text
+        assert "# manipulated: {" in text  # nobody took anything for it
+        (tmp_path / NAME).write_text(text.replace("# table: ", "table: "))
+        assert read(tmp_path)["table"] == expected
+    (tmp_path / NAME).write_text(inspection.roles_file([], []))
+    assert read(tmp_path) == {}
+
+
 def test_the_page_outlines_roles(scene: Scene) -> None:
     roles = {"receiver": SettledRole(handle=BOX)}
     described, rows, seen = inspection.inspect(scene.episode, roles=roles)

@@ -58,11 +58,16 @@ def dispute(
     another thing that they outlined; but they may have missed it among what is told by color.
     """
     known = apart(scene).union(*scene.names.values()) if outlined else frozenset[int]()
-    for name, mask in _masks(scene, instance_ids).items():
-        rim = int(mask[[0, -1]].sum() + mask[:, [0, -1]].sum())
-        if mask.sum() >= FEWEST and rim >= 2 and not outlined:
+    cut = "" if outlined else cut_off(scene, instance_ids)
+    return cut or split(scene, instance_ids, known, besides)
+
+
+def cut_off(scene: Scene, instance_ids: Collection[int]) -> str:
+    """Why a photographed thing may be part of a larger one: an image's edge cuts it off; empty where none does."""
+    for name, mask in _seen(scene, instance_ids).items():
+        if mask[[0, -1]].sum() + mask[:, [0, -1]].sum() >= 2:
             return f"the edge of {name} cuts it off: it may be part of something larger"
-    return split(scene, instance_ids, known, besides)
+    return ""
 
 
 def split(

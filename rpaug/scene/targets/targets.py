@@ -178,7 +178,7 @@ def _together(scene: Scene, thing: frozenset[int]) -> str:
     """How to name a thing with what it may be in cameras that do not show it, if its cameras agree on that."""
     there = agreement.missed(scene, thing).values()
     both = thing.union(one for one in there if one is not None)
-    if both == thing or _unlike(scene, both):
+    if both == thing or agreement.cut_off(scene, thing) or _unlike(scene, both):
         return ""
     return f"; where that is so, {{handle: {sorted(both)}}} in a recipe of this episode alone takes both"
 

@@ -13,6 +13,7 @@ from rpaug.core.errors import TargetError
 from rpaug.core.types import CameraView, Scene
 from rpaug.pipeline import prepare, recipe
 from rpaug.scene.build import build
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.targets import settled
 from rpaug.scene.targets.targets import Target, assumed, find
 
@@ -213,3 +214,9 @@ def advised(scene: Scene, words: str, said: str) -> None:
     if "all: true" in said:
         assert find(scene, Target(text=words, all=True))
     assert "{handle" in said or "all: true" in said or "cameras.yaml" in said or "edge" in said
+
+
+def test_putting_things_in_lacks_a_table_and_the_places_of_cameras_at_once() -> None:
+    bare = replace(seen(nothing, nothing), roles={}, beliefs={})
+    with pytest.raises(TargetError, match=r"nowhere to put things; and nothing says where image_0"):
+        find_free_space(bare)
