@@ -108,7 +108,7 @@ class Figures:
 
 
 @runtime_checkable
-class Paint(Protocol):
+class PlainPaint(Protocol):
     """An appearance that gives its instance ids one color in place of an old one, display sRGB 0..1."""
 
     @property
@@ -258,7 +258,7 @@ def _color(scene: Scene) -> float | None:
             lights.append(edit)
             lit = _shown(scene, lights)
         earlier = scene.appearance[:number]
-        while isinstance(edit, Paint):
+        while isinstance(edit, PlainPaint):
             beneath = getattr(edit, "beneath", None)
             shown, before = _shown(scene, (*earlier, edit)), None
             if getattr(edit, "part", ()):
@@ -288,7 +288,7 @@ def _shown(scene: Scene, appearance: Sequence[Appearance]) -> Episode:
 
 
 def _difference(
-    shown: Episode, before: Episode | None, lit: Episode, instance_id: int, edit: Paint
+    shown: Episode, before: Episode | None, lit: Episode, instance_id: int, edit: PlainPaint
 ) -> float | None:
     """Of what differs from the episode before, of the whole instance if that is None. `lit` shows the old color."""
     seen, old = albedo.pixels(shown, instance_id), albedo.pixels(lit, instance_id)

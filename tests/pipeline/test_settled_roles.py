@@ -130,6 +130,13 @@ def test_inspect_writes_the_file_once(dataset: Path) -> None:
     assert json.loads(done.stdout)["roles_file"] == str(dataset / NAME)
 
 
+def test_what_differs_is_said_last(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inspection, "disagreement", lambda *_: ["table: 1 of 2 have none"])
+    lines = CliRunner().invoke(app, ["inspect", str(dataset), "--write-roles"]).stdout.splitlines()
+    assert lines[-2] == "roles differ: table: 1 of 2 have none"
+    assert lines[-1].startswith("roles written to")
+
+
 def test_no_id_is_written_where_it_would_be_refused() -> None:
     row = SimpleNamespace(role="table", instance_id=3, color_name="gray")
     other = SimpleNamespace(role="", instance_id=4, color_name="gray")
