@@ -258,13 +258,14 @@ def _color(scene: Scene) -> float | None:
             lights.append(edit)
             lit = _shown(scene, lights)
         earlier = scene.appearance[:number]
-        while isinstance(edit, PlainPaint):
-            beneath = getattr(edit, "beneath", None)
-            shown, before = _shown(scene, (*earlier, edit)), None
-            if getattr(edit, "part", ()):
+        paint: Appearance | None = edit
+        while isinstance(paint, PlainPaint):
+            beneath = getattr(paint, "beneath", None)
+            shown, before = _shown(scene, (*earlier, paint)), None
+            if getattr(paint, "part", ()):
                 before = _shown(scene, earlier if beneath is None else (*earlier, beneath))
-            found += [_difference(shown, before, lit, one, edit) for one in edit.instance_ids]
-            edit = beneath
+            found += [_difference(shown, before, lit, one, paint) for one in paint.instance_ids]
+            paint = beneath
     return max((value for value in found if value is not None), default=None)
 
 
