@@ -2,10 +2,13 @@
 
 import json
 import os
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from enum import StrEnum
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
@@ -57,8 +60,12 @@ def augment(
         typer.Option(help="Recipe file, or the name of one that ships (demo, light_color, ...)."),
     ],
     out: Annotated[
-        str, typer.Option(help="Folder or URL to write; must not exist unless --resume.")
-    ],
+        str | None,
+        typer.Option(
+            help="Folder or URL to write; must not exist unless --resume. Not needed with --dry-run.",
+            show_default=False,
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -143,6 +150,8 @@ def augment(
     from rpaug.pipeline.run import MINUTES, Budget
 
     inputs.tier(tier)
+    if out is None and (resume or not dry_run):
+        raise RpaugError("--out: missing; expected a new folder or URL to write")
     if engine is Engine.RAY and (remote.is_url(out) or remote.is_copy(dataset)):
         raise RpaugError("--engine ray: nodes must see dataset and output as folders, not by URL")
     if share and scenes is None:
@@ -158,7 +167,7 @@ def augment(
         "engine": local.run if engine is Engine.LOCAL else partial(cluster.run, address=address),
     }
     fitted = written(scenes, True) if scenes else nullcontext()
-    with written(out, resume) as target, fitted as store:
+    with written(out, resume) if out else _nowhere() as target, fitted as store:
         run = Run(dataset, loaded, target, tier, store, share, keep_invalid, _ratio(ratio), licence)
         run = replace(run, shard=_shard(shard), device=devices.chosen(device.value).name)
         run = replace(run, linked=untouched is Untouched.LINK)
@@ -174,6 +183,13 @@ def augment(
             described["error"] = summary.aborted or next(iter(summary.failures.values()))
     tell(run, summary, described, as_json)
     return code
+
+
+@contextmanager
+def _nowhere() -> Iterator[Path]:
+    """A folder that is not there, for a run that writes nothing."""
+    with TemporaryDirectory() as empty:
+        yield Path(empty) / "out"
 
 
 def tell(run: Any, summary: Any, described: dict[str, Any], as_json: bool) -> None:
@@ -233,6 +249,8 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
             warn("warning", f"{key}: {warning}")
     for words in described["roles"]:
         warn("roles differ", words)
+    for words, copies in described["painted_over"].items():
+        warn("painted over", f"{words} (in {copies} of {described['copies']} copies)")
     for words in lacked:
         warn("left out", words)
     for keys, reason in alike(described["rejected"]):

@@ -73,7 +73,9 @@ def inspect(
     if write_roles:
         path = dataset / roles.NAME
         lasting = inputs.handles_hold(found, len(keys))
-        write_new(path, inspection.roles_file(rows, list(others.values()), lasting).encode())
+        told = described.get("roles", {})
+        text = inspection.roles_file(rows, list(others.values()), lasting, told)
+        write_new(path, text.encode())
         described["roles_file"] = str(path)
     if as_json:
         print_json(described)
@@ -105,10 +107,6 @@ def inspect(
         ids = ", ".join(map(str, one["handles"])) or "none"
         why = "".join(f"; {reason}" for reason in one["reasons"])
         say(f"{role}: {ids}{sure(one)}{why}")
-    for words in described.get("differ", ()):
-        say(f"  roles differ: {words}")
-    if write_roles:
-        say(f"roles written to {described['roles_file']}: mend them there")
     say(
         f"{'handle':>8}  {'role':12}{'color':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )
@@ -118,6 +116,12 @@ def inspect(
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
         line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
         say(f"{line}{row.frames:8d}  {body}")
+    for words in described.get("differ", ()):  # last: the table is long
+        say(f"roles differ: {words}")
+    if write_roles:
+        say(
+            f"roles written to {described['roles_file']}: mend them there; those in doubt are comments"
+        )
     return 0
 
 

@@ -17,6 +17,11 @@ from rpaug.cli.console import (
 )
 from rpaug.cli.progress import progress_bar
 
+KEPT = (
+    "actions, states, numbering and what no edit reaches are as recorded, and cameras agree. Whether edits look "
+    "right is not judged here: the contact sheet shows them (rpaug contact)"
+)
+
 
 def verify(
     dataset: Dataset,
@@ -61,8 +66,8 @@ def verify(
             if figures:
                 told = ", ".join(f"{key} {value:.0f}" for key, value in figures.items())
                 say(f"images of the {name.removeprefix('rgb, ')}, mean of 0 to 255: {told}")
-        outcome = "as it should be" if verdict.passed else "something is wrong"
         looked = "all frames" if verdict.frames is None else f"{verdict.frames} frames"
+        outcome = KEPT if verdict.passed else "something is wrong"
         say(
             f"{counted(verdict.episodes, 'episode')} compared, images in {looked} of each: {outcome}"
         )

@@ -48,10 +48,12 @@ class Needs:
 
 @dataclass(frozen=True)
 class Painted:
-    """Recorded instances look different now. `word` is the color or pattern they go by, None where none fits."""
+    """Recorded instances look different now. `word` is the color or pattern they go by, None where none fits. `anew`:
+    in the place of what was painted so on them before."""
 
     instance_ids: frozenset[int]
     word: str | None
+    anew: bool = False
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def _told(kind: type, path: Place, fault: Any) -> str:
 
 
 def _example(name: str, fields: dict[str, Any]) -> str:
-    """A field as a recipe writes it: `select: {episodes: [...], limit: ...}`."""
+    """A field as a recipe writes it: `select: {episodes: ..., limit: ...}`."""
     if not fields:
         return "a mapping"
     shown = [

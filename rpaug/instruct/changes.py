@@ -77,8 +77,10 @@ def _words(
     layers: Counter[int] = Counter()
     for appearance in scene.appearance:
         layers.update((appearance.instance_ids or frozenset()) & known)  # light names nothing anew
+    once = set[int]()  # painted anew, which is one appearance however often
     for change in painted:
-        layers.subtract(change.instance_ids)
+        layers.subtract(change.instance_ids - once)
+        once |= change.instance_ids if change.anew else frozenset()
         words |= dict.fromkeys(change.instance_ids & known, change.word)
     return words | {instance_id: None for instance_id, more in layers.items() if more > 0}
 

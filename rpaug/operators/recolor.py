@@ -11,14 +11,15 @@ from rpaug.core import color_space, white
 from rpaug.core.errors import there_are
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.jit import kernel
-from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
+from rpaug.core.types import Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Color
+from rpaug.operators.painting import Paint, painted
 from rpaug.scene.lighting import albedo, gamut, intrinsic, shading
 from rpaug.scene.targets import agreement, targets
 
 
 @dataclass(frozen=True)
-class AlbedoRatio:
+class AlbedoRatio(Paint):
     """Pixel = albedo x shading (+ highlight): swap the albedo, keep the rest.
 
     Shading is the least-squares scale of the old albedo, led by its bright channels (so pure red can turn pure blue).
@@ -26,7 +27,7 @@ class AlbedoRatio:
     albedo returns little light it is noise and mirrored light rather than texture. Highlights stay where the surface is
     known to mirror; else, on a plain surface or one of a few `hues`, what of a pixel is white rather than albedo
     (dichromatic model, Shafer 1985). A `metal` mirrors in its own color, so that all of a pixel changes. Of a `part`
-    only the pixels of these hues are painted.
+    only the pixels of these hues are painted; the others are as the paint `beneath` makes them, or as recorded.
     """
 
     instance_ids: frozenset[int]
@@ -36,12 +37,23 @@ class AlbedoRatio:
     hues: tuple[tuple[float, float, float], ...] = ()
     part: tuple[int, ...] = ()  # of the hues: pixels of others stay
     metal: bool = False
-    scales: ClassVar[bool] = True  # light beyond white too
+    beneath: Paint | None = None
+
+    @property
+    def scales(self) -> bool:
+        """Whether light beyond white is painted too."""
+        return self.beneath is None or getattr(self.beneath, "scales", False)
 
     @property
     def asked(self) -> tuple[float, float, float]:
         """The color it was asked for, by which gates judge it."""
         return self.new
+
+    def over(self, before: Paint) -> Paint:
+        """A part leaves the rest in the paint that the thing had before."""
+        if not self.part:
+            return self
+        return replace(self, beneath=replace(before, instance_ids=self.instance_ids))  # type: ignore[type-var]
 
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
@@ -50,11 +62,12 @@ class AlbedoRatio:
         highlight = np.zeros((len(color), 1), np.float32)
         if not self.metal:
             highlight = albedo.shine(color, surface, old, self.plain, self.hues)
-        painted = _painted(color, highlight, old, new)
+        lit = _lit(color, highlight, old, new)
         if not self.part:
-            return painted
+            return lit
         mine = np.isin(albedo.owners(color, self.hues), self.part)
-        return np.where(mine[:, None], painted, color)
+        rest = color if self.beneath is None else self.beneath(color, surface)
+        return np.where(mine[:, None], lit, rest)
 
     @staticmethod
     def stacked(several: Sequence["AlbedoRatio"], device: Any) -> Stacked:
@@ -65,7 +78,7 @@ class AlbedoRatio:
 
 
 @kernel
-def _painted(
+def _lit(
     color: Float32[np.ndarray, "n 3"],
     highlight: Float32[np.ndarray, "n k"],
     old: Float32[np.ndarray, "3"],
@@ -89,7 +102,7 @@ def _painted(
 
 
 @dataclass(frozen=True)
-class LabShift:
+class LabShift(Paint):
     """RoboPearls' way: chroma becomes the new color's, lightness is scaled by new over old (CIELAB)."""
 
     instance_ids: frozenset[int]
@@ -160,10 +173,9 @@ class Recolor(Operator):
     def sample(self, scene: Scene, rng: np.random.Generator) -> Edit:
         instance_ids = sorted(targets.find(scene, self.target))
         taken = [
-            painted.asked
-            for painted in scene.appearance
-            if isinstance(painted, AlbedoRatio | LabShift)
-            and painted.instance_ids.isdisjoint(instance_ids)
+            one.asked
+            for one in scene.appearance
+            if isinstance(one, AlbedoRatio | LabShift) and one.instance_ids.isdisjoint(instance_ids)
         ]
         if self.only is not None:
             word = color_space.canonical(self.only) or self.only
@@ -188,14 +200,14 @@ class Recolor(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]
-        painted: list[Appearance] = []
+        laid: list[Paint] = []
         for surface in edit["surfaces"]:
             instance_ids, old = frozenset([surface["handle"]]), tuple(surface["albedo"])
             if self.mode == "lab":
-                painted.append(LabShift(instance_ids, old, (red, green, blue)))
+                laid.append(LabShift(instance_ids, old, (red, green, blue)))
             else:
-                painted.append(ratio(surface, (red, green, blue)))
-        return replace(scene, appearance=(*scene.appearance, *painted))
+                laid.append(ratio(surface, (red, green, blue)))
+        return painted(scene, laid)
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
         return named(edit)
@@ -216,5 +228,5 @@ def ratio(surface: Edit, new: tuple[float, float, float]) -> AlbedoRatio:
 def named(edit: Edit) -> tuple[Painted, ...]:
     """The color word of an edit that paints surfaces in one color."""
     # A part that is not most of a thing leaves it its color word.
-    painted = frozenset(s["handle"] for s in edit["surfaces"] if 0 in s.get("part", [0]))
-    return (Painted(painted, color_space.nearest(np.array(edit["color"]))),)
+    mostly = frozenset(s["handle"] for s in edit["surfaces"] if 0 in s.get("part", [0]))
+    return (Painted(mostly, color_space.nearest(np.array(edit["color"])), anew=True),)

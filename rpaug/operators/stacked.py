@@ -46,6 +46,7 @@ def ratios(several: Sequence[Any], device: torch.device) -> Edited:
     part = _table([edit.part for edit in several], device)
     own = old / (old**2).sum(1, keepdim=True).clamp(min=1e-6)
     gain = (new / old.clamp(min=1e-6)).clamp(max=1)
+    beneath = _beneath([edit.beneath for edit in several], device)
 
     def edited(color: Color, which: Int64[Tensor, "n"], surface: Any) -> Color:
         shine = shone(color, surface, old[which], plain[which], hues[which])
@@ -58,7 +59,27 @@ def ratios(several: Sequence[Any], device: torch.device) -> Edited:
             return painted
         owner = owners(color, hues[which])
         mine = (owner[:, None] == part[which]).any(1) | (part[which] == NEVER).all(1)
-        return torch.where(mine[:, None], painted, color)
+        return torch.where(mine[:, None], painted, beneath(color, which, surface))
+
+    return edited
+
+
+def _beneath(several: Sequence[Any], device: torch.device) -> Edited:
+    """What each edit's paint beneath it makes of colors; of those without any, nothing."""
+    kinds = []
+    for kind in dict.fromkeys(type(one) for one in several if one is not None):
+        rows = [n for n, one in enumerate(several) if type(one) is kind]
+        place = torch.full((len(several),), -1, device=device)
+        place[rows] = torch.arange(len(rows), device=device)
+        kinds.append((place, kind.stacked([several[n] for n in rows], device)))
+
+    def edited(color: Color, which: Int64[Tensor, "n"], surface: Any) -> Color:
+        out = color
+        for place, made in kinds:
+            own = place[which]
+            painted = made(color, own.clamp(min=0), surface)
+            out = torch.where((own >= 0)[:, None], painted, out)
+        return out
 
     return edited
 

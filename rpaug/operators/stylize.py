@@ -1,7 +1,7 @@
 """Give a thing the look of a picture: its patterns and palette, matched by VGG16's features (3D-NNFM)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -15,6 +15,7 @@ from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene, Surface
 from rpaug.gaussians.painting import Painting
 from rpaug.operators import fields, texturing
+from rpaug.operators.painting import Paint, painted
 from rpaug.scene.targets import targets
 
 SHADE = (
@@ -24,7 +25,7 @@ SHADE = (
 
 
 @dataclass(frozen=True)
-class Stylised:
+class Stylised(Paint):
     """Pixel = new color x shading, where shading is how bright the recorded pixel is beside the old color.
 
     Old and new colors are those of the fitted Gaussians, in even light, at the pixel's place on its body.
@@ -38,10 +39,10 @@ class Stylised:
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
         place = surface.ids, surface.points, surface.footprint
-        (old, known), (new, painted) = self.old.at(*place), self.new.at(*place)
+        (old, known), (new, drawn) = self.old.at(*place), self.new.at(*place)
         shade = (color * old).sum(-1) / np.maximum((old * old).sum(-1), 1e-3)
         styled = new * np.clip(shade, *SHADE)[:, None]
-        out = np.where(((known > 0) & (painted > 0))[:, None], styled, color)
+        out = np.where(((known > 0) & (drawn > 0))[:, None], styled, color)
         return np.clip(out, 0, 1).astype(np.float32)
 
 
@@ -121,8 +122,7 @@ class Stylize(Operator):
         instance_ids = frozenset(edit["handles"])
         settings = nnfm.StyleSettings(steps=self.steps)
         styled = nnfm.stylise(scene, instance_ids, picture, network, edit["seed"], settings)
-        laid = Stylised(instance_ids, styled.old, styled.new)
-        return replace(scene, appearance=(*scene.appearance, laid))
+        return painted(scene, [Stylised(instance_ids, styled.old, styled.new)])
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
-        return (Painted(frozenset(edit["handles"]), None),)
+        return (Painted(frozenset(edit["handles"]), None, anew=True),)

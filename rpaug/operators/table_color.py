@@ -1,6 +1,6 @@
 """Paint the table, as COLOSSEUM's `table_color` does."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator, Painted
 from rpaug.core.types import Effect, Scene
 from rpaug.operators.fields import RGB
+from rpaug.operators.painting import painted
 from rpaug.operators.recolor import named, ratio
 from rpaug.scene.lighting import albedo, shading
 from rpaug.scene.targets import targets
@@ -54,8 +55,7 @@ class TableColor(Operator):
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         red, green, blue = edit["color"]
-        painted = [ratio(one, (red, green, blue)) for one in edit["surfaces"]]
-        return replace(scene, appearance=(*scene.appearance, *painted))
+        return painted(scene, [ratio(one, (red, green, blue)) for one in edit["surfaces"]])
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
         return named(edit)

@@ -16,8 +16,9 @@ from rpaug.core import color_space, geometry
 from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.jit import kernel
-from rpaug.core.types import Appearance, Effect, Scene, Stacked, Surface
+from rpaug.core.types import Effect, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB
+from rpaug.operators.painting import Paint, painted
 from rpaug.scene.lighting import albedo, intrinsic, rig, shading
 from rpaug.scene.recorded import surface as surfaces
 from rpaug.scene.targets import agreement, targets
@@ -76,7 +77,7 @@ def same(textures: Path, name: str, digest: str) -> None:
 
 
 @dataclass(frozen=True)
-class Textured:
+class Textured(Paint):
     """Pixel = albedo x shading (+ highlight): the albedo comes from the texture at the pixel's place on its body.
 
     Shading is what the old albedo leaves of the pixel; where the old surface was patterned, `smooth` tells the pattern
@@ -180,18 +181,18 @@ class Texturing(Operator):
         if not seen:
             raise TargetError(f"{self.target}: no camera shows it at a known depth")
         described = shading.paintable(seen, lambda one: self._surface(scene, one, seen[one]))
-        painted = {one["handle"]: seen[one["handle"]] for one in described["surfaces"]}
+        shown = {one["handle"]: seen[one["handle"]] for one in described["surfaces"]}
         name = draw(self.texture, self.textures, rng)
         return {
             "texture": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
-            "to_texture": self._frame(painted).tolist(),
+            "to_texture": self._frame(shown).tolist(),
             **described,
         }
 
     def apply(self, scene: Scene, edit: Edit) -> Scene:
         texture = self._texture(edit)
-        laid: list[Appearance] = []
+        laid: list[Paint] = []
         for one in edit["surfaces"]:
             smooth = shading.Smooth(**one["smooth"]) if one["smooth"] else None
             laid.append(
@@ -206,13 +207,13 @@ class Texturing(Operator):
                     smooth=smooth,
                 )
             )
-        return replace(scene, appearance=(*scene.appearance, *laid))
+        return painted(scene, laid)
 
     def says(self, edit: Edit) -> tuple[Painted, ...]:
         word = _prevailing(*self._named(edit))
         if word is None and not edit["digest"]:  # an own image has no word
             word = shipped.pattern(edit["texture"])
-        return (Painted(frozenset(one["handle"] for one in edit["surfaces"]), word),)
+        return (Painted(frozenset(one["handle"] for one in edit["surfaces"]), word, anew=True),)
 
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         return albedo.guessed(edit["surfaces"])

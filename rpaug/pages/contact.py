@@ -18,11 +18,12 @@ from rpaug.core import keyframes
 from rpaug.core.errors import BadInput
 from rpaug.core.files import REJECTED, write_changed
 from rpaug.core.interfaces import Adapter
+from rpaug.core.pixels import differing
 from rpaug.core.types import CameraView, Episode
 from rpaug.core.visible import quoted
 from rpaug.pages import told
 from rpaug.pages.document import document, facts, figure, jpeg
-from rpaug.pipeline import report
+from rpaug.pipeline import journal, report
 
 MOST_EPISODES = 8  # of the sheet
 ON_A_PAGE = 24  # episodes, recorded ones among them
@@ -47,17 +48,9 @@ def sheet(
 def write(adapter: Adapter, source: Path, target: Path) -> Path:
     """The sheet of a finished output folder; returns its path."""
     keys = _keys(adapter, target)
-    picked: dict[str, dict[str, Any]] = {}
-    for i in np.linspace(0, len(keys) - 1, min(MOST_EPISODES, len(keys))).astype(int):
-        for key in (*keys[i:], *reversed(keys[:i])):
-            one = None if key in picked else report.of(target / key)
-            if one is not None and one["synthetic"]:
-                picked[key] = one
-                break
-        else:
-            break  # all that there are
+    picked = _picked(target, keys)
     read = _recorded(adapter, source)
-    parts = [_section(adapter, read, target, key, picked[key]) for key in keys if key in picked]
+    parts = [_section(adapter, read, target, key, one) for key, one in picked.items()]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
         f"<h1>{len(keys)} episode{'s' * (len(keys) != 1)}, {len(picked)} augmented ones shown</h1>"
@@ -69,13 +62,50 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     return target / report.CONTACT_SHEET
 
 
+def _picked(target: Path, keys: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Reports of the augmented episodes that are shown: those that lack none of what they drew come first, evenly
+    spread over all of them, those that lack all of it last."""
+    picked: dict[str, dict[str, Any]] = {}
+    lacking = _lacking(target)
+    for least in sorted({lacking.get(key, 0.0) for key in keys}):
+        own = [key for key in keys if lacking.get(key, 0.0) == least]
+        for i in np.linspace(0, len(own) - 1, min(MOST_EPISODES - len(picked), len(own))).astype(
+            int
+        ):
+            for key in (*own[i:], *reversed(own[:i])):
+                one = None if key in picked else report.of(target / key)
+                if one is not None and one["synthetic"]:
+                    picked[key] = one
+                    break
+            else:
+                break  # all that there are
+    return picked
+
+
+def _lacking(target: Path) -> dict[str, float]:
+    """By key, of episodes that lack an edit that they drew, the share of those that they lack: by the journal, which
+    takes no reading of each report."""
+    found: dict[str, float] = {}
+    for _, line in journal.lines(target):
+        if line.get("in"):
+            continue  # rejected ones
+        if "made" in line:
+            drawn = [left_out for _, _, left_out, _ in line["facts"].get("draws", ())]
+            share = sum(map(bool, drawn)) / len(drawn) if drawn else 0.0
+            found |= {line["made"]: share} if share else {}
+        elif line.get("renamed") in found:
+            found[line["to"]] = found.pop(line["renamed"])
+    return found
+
+
 def _where_others_are(keys: Sequence[str], picked: Mapping[str, Any]) -> str:
     """How episodes that the sheet leaves out are seen; nothing where it shows all."""
     if len(picked) == len(keys):
         return ""
     last = f", up to page {_pages(keys)}," if _pages(keys) > 1 else ""
     return (
-        "<p class=soft>They are evenly spread over all. <code>rpaug contact OUT --page 1 --html FILE</code>"
+        "<p class=soft>Those that lack least of what they drew, evenly spread. "
+        "<code>rpaug contact OUT --page 1 --html FILE</code>"
         f"{last} shows every episode.</p>"
     )
 
@@ -170,7 +200,8 @@ def _section(
         figure(
             jpeg(image),
             f"{name}: recorded, edited, difference",
-            f"{name}, frames {', '.join(map(str, frames))}; {report.change(described, name)}",
+            f"{name}, {_by_frame(before.views[name], after.views[name], frames)}; of all frames "
+            f"{report.change(described, name)}",
         )
         for name, image in sheet(replace(before, views=shown), after, frames).items()
     ]
@@ -186,6 +217,14 @@ def _section(
         f"<div class='views large'>{''.join(figures)}</div>{left_out if dark else ''}"
         f"<details><summary>drawn values as JSON</summary><pre tabindex=0>{html.escape(drawn)}</pre></details>"
     )
+
+
+def _by_frame(recorded: CameraView, made: CameraView, frames: Sequence[int]) -> str:
+    """How much of each shown frame changed."""
+    shares = [differing(recorded.rgb(t), made.rgb(t)).mean() for t in frames]
+    words = [f"{100 * share:.0f} %" if share >= 0.005 else "under 1 %" for share in shares]
+    words = [word if share else "unchanged" for word, share in zip(words, shares, strict=True)]
+    return ", ".join(f"frame {t}: {word}" for t, word in zip(frames, words, strict=True))
 
 
 def _black(recorded: CameraView, made: CameraView, times: Sequence[int]) -> bool:

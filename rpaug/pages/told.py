@@ -30,7 +30,7 @@ def draw(one: Mapping[str, Any], recorded: Mapping[int, str] = NOTHING) -> str:
         told = WORDS.get(one["op"], _plain)(fields, _named(edit, recorded))
     except (KeyError, IndexError, TypeError, ValueError):  # a report of another version
         told = _plain(fields, edit)
-    notes = [*one.get("fell_short", ()), *_shadows(edit)]
+    notes = [*one.get("fell_short", ()), *one.get("painted_over", ()), *_shadows(edit)]
     return f"{told} ({'; '.join(notes)})" if notes else told
 
 
@@ -79,7 +79,7 @@ def _old(edit: Edit) -> str:
     return " and ".join(dict.fromkeys(edit.get("surfaces", ()))) or "as recorded"
 
 
-def _light(_: Fields, edit: Edit) -> str:
+def _light(fields: Fields, edit: Edit) -> str:
     level = 100 * (float(np.mean(edit["gain"])) - 1)
     which = (
         f"{len(edit['colored'])} of {len(edit['lamps']['now']['directions'])} "
@@ -88,12 +88,14 @@ def _light(_: Fields, edit: Edit) -> str:
     )
     share = f"{abs(level):.0f} %"
     bright = "as bright" if share == "0 %" else f"{share} {'brighter' if level > 0 else 'dimmer'}"
-    return f"{which}lamps {bright}, {_tint(edit)}"
+    return f"{which}lamps {bright}, {_tint(edit, lamp=fields.get('temperature') is not None)}"
 
 
-def _tint(edit: Edit) -> str:
+def _tint(edit: Edit, *, lamp: bool) -> str:
+    """The tint of a light; a `lamp` of some temperature is warmer or cooler alone."""
     red, green, blue = np.maximum(edit["gain"], 1e-6)
-    beside = ((red / blue, "warmer", "cooler"), (green / np.sqrt(red * blue), "greener", "pinker"))
+    beside = [(red / blue, "warmer", "cooler")]
+    beside += [] if lamp else [(green / np.sqrt(red * blue), "greener", "pinker")]
     words = [
         more if ratio > TINTED else less
         for ratio, more, less in beside

@@ -15,7 +15,7 @@ from rpaug import instruct
 from rpaug.compose import views
 from rpaug.core import devices, progress
 from rpaug.core.errors import Missing, TargetError, Unsupported
-from rpaug.core.interfaces import Operator
+from rpaug.core.interfaces import Operator, Painted
 from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
@@ -53,12 +53,34 @@ class Draw:
     """What one step of the recipe came to: an operator with its edit, or nothing.
 
     `left_out` says why an operator that was drawn has no edit: the episode lacks what it would be made of.
+    `painted_over` says of which earlier steps it takes the place, in sentences.
     """
 
     step: int
     option: Option | None
     edit: dict[str, Any] | None
     left_out: str = ""
+    painted_over: tuple[str, ...] = ()
+
+    @property
+    def painted(self) -> frozenset[int]:
+        """Instance ids that it paints in the place of earlier paint."""
+        if self.option is None or self.edit is None:
+            return frozenset()
+        said = self.option.operator.says(self.edit)
+        anew = [one.instance_ids for one in said if isinstance(one, Painted) and one.anew]
+        return frozenset().union(*anew)
+
+    def after(self, earlier: Sequence["Draw"]) -> "Draw":
+        """The same, with what it says of the draws before it."""
+        hidden = (one for one in earlier if one.painted & self.painted)
+        words = (f"{self} takes the place of {one} on what both paint" for one in hidden)
+        return replace(self, painted_over=tuple(words))
+
+    def __str__(self) -> str:
+        assert self.option is not None
+        of = ", ".join(map(str, planning.targets(self.option.operator)))
+        return f"edits.{self.step} ({self.option.name}{f' of {of}' if of else ''})"
 
     def describe(self) -> dict[str, Any]:
         """Plain values, enough to apply the edit again."""
@@ -69,6 +91,8 @@ class Draw:
         )
         if short := self._short():
             came_to["fell_short"] = short
+        if self.painted_over:
+            came_to["painted_over"] = list(self.painted_over)
         chosen = {"op": self.option.name, "fields": self.option.fields}
         return {"step": self.step, **chosen, **came_to}
 
@@ -289,7 +313,7 @@ def draw(
         else:
             key = (recipe.seed, recipe.on_missing, number, copy, attempt, step.describe())
             scene, one = memory.take(scene, key, drawn)
-        draws.append(one)
+        draws.append(one.after(draws))
     return scene, tuple(draws)
 
 
@@ -318,13 +342,13 @@ def _drawn(
 
 def redraw(scene: Scene, described: Sequence[Mapping[str, Any]]) -> tuple[Scene, tuple[Draw, ...]]:
     """The scene after the edits of a report: a replay, with nothing random in it. Raises BadRecipe."""
-    draws = []
+    draws: list[Draw] = []
     for entry in described:
         chosen = None if entry.get("skipped") else option(entry["op"], entry["fields"])
         edit = entry.get("edit")
         if chosen and edit is not None:
             scene = chosen.operator.apply(scene, edit)
-        draws.append(Draw(entry["step"], chosen, edit, entry.get("left_out", "")))
+        draws.append(Draw(entry["step"], chosen, edit, entry.get("left_out", "")).after(draws))
     return scene, tuple(draws)
 
 

@@ -4,7 +4,7 @@ All figures are taken from rendered frames, beside the recorded ones. A figure i
 measure; then its gate passes.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rpaug.compose import views
 from rpaug.core import color_space
 from rpaug.core.pixels import differing, grown
-from rpaug.core.types import CameraView, Episode, Scene
+from rpaug.core.types import Appearance, CameraView, Episode, Scene
 from rpaug.scene.lighting import albedo
 from rpaug.scene.tracking import agreement
 
@@ -27,6 +27,7 @@ WORST = 0.1  # of the pixels of what moves: those of the frames in which most of
 CURE = ": that share of what moves is invented, nobody recorded it from there; the robot's file shows it (arms: [FILE])"
 CURES = {"moving": CURE, "torn": CURE}
 FAINT = 0.02  # brightest channel below which no hue can be told
+DARKER = 4.0  # times as a paint may be than the recorded light makes it: shading decides, but no blue drawer is black
 
 
 def _limit(default: float, words: str) -> Any:
@@ -89,8 +90,8 @@ class Figures:
     among the pixels that show the robot and what else moves, over all frames, and `torn` the same over the frames in
     which it is largest, down to a tenth of those pixels. `flicker` is by how many
     grey levels more than in the recording fixed cameras' pixels change between two frames in which they show the
-    same place. `color` is the CIEDE2000 difference between the color a thing was to take and the one it shows, its
-    brightness apart, which shading decides.
+    same place. `color` is the CIEDE2000 difference between the color a thing was to take and the one it shows. Its
+    brightness is shading's to decide, unless it is far darker than the light on the recorded thing would make it.
     """
 
     outside: int | None = None
@@ -107,11 +108,13 @@ class Figures:
 
 
 @runtime_checkable
-class Paint(Protocol):
-    """An appearance that gives its instance ids one color, display sRGB 0..1."""
+class PlainPaint(Protocol):
+    """An appearance that gives its instance ids one color in place of an old one, display sRGB 0..1."""
 
     @property
     def instance_ids(self) -> frozenset[int]: ...
+    @property
+    def old(self) -> tuple[float, float, float]: ...
     @property
     def asked(self) -> tuple[float, float, float]: ...
 
@@ -247,23 +250,30 @@ def _advancing(
 
 def _color(scene: Scene) -> float | None:
     """The largest difference of any thing that was painted, in the recorded views, without the edits after it."""
-    found = []
+    found: list[float | None] = []
+    lights: list[Appearance] = []
+    lit = _shown(scene, lights)
     for number, edit in enumerate(scene.appearance):
-        if isinstance(edit, Paint):
-            shown = _painted(scene, number + 1)
-            before = _painted(scene, number) if getattr(edit, "part", ()) else None
-            found += [
-                _difference(shown, before, instance_id, edit.asked)
-                for instance_id in sorted(edit.instance_ids)
-            ]
+        if edit.instance_ids is None:
+            lights.append(edit)
+            lit = _shown(scene, lights)
+        earlier = scene.appearance[:number]
+        paint: Appearance | None = edit
+        while isinstance(paint, PlainPaint):
+            beneath = getattr(paint, "beneath", None)
+            shown, before = _shown(scene, (*earlier, paint)), None
+            if getattr(paint, "part", ()):
+                before = _shown(scene, earlier if beneath is None else (*earlier, beneath))
+            found += [_difference(shown, before, lit, one, paint) for one in paint.instance_ids]
+            paint = beneath
     return max((value for value in found if value is not None), default=None)
 
 
-def _painted(scene: Scene, count: int) -> Episode:
-    """The recorded episode under the first so many appearance edits; frames that were asked for are kept."""
+def _shown(scene: Scene, appearance: Sequence[Appearance]) -> Episode:
+    """The recorded episode under some appearance edits; frames that were asked for are kept."""
     plain = replace(
         scene,
-        appearance=scene.appearance[:count],
+        appearance=tuple(appearance),
         sensor=(),
         cameras={name: view.camera for name, view in scene.episode.views.items()},
         bodies=scene.tracked,
@@ -271,22 +281,29 @@ def _painted(scene: Scene, count: int) -> Episode:
         relit=None,
     )
     shown = views.edited(plain, dict.fromkeys(scene.episode.views, 0), lambda *ignored: None)
-    kept = {name: replace(view, rgb=cache(view.rgb)) for name, view in shown.views.items()}
+    kept = {
+        name: replace(view, rgb=cache(view.rgb), radiance=None)
+        for name, view in shown.views.items()
+    }
     return replace(shown, views=kept)
 
 
 def _difference(
-    shown: Episode, before: Episode | None, instance_id: int, asked: tuple[float, float, float]
+    shown: Episode, before: Episode | None, lit: Episode, instance_id: int, edit: PlainPaint
 ) -> float | None:
-    """Of what differs from the episode before, of the whole instance if that is None."""
-    seen = albedo.pixels(shown, instance_id)
+    """Of what differs from the episode before, of the whole instance if that is None. `lit` shows the old color."""
+    seen, old = albedo.pixels(shown, instance_id), albedo.pixels(lit, instance_id)
     if before is not None:
-        seen = seen[(seen != albedo.pixels(before, instance_id)).any(1)]
+        mine = (seen != albedo.pixels(before, instance_id)).any(1)
+        seen, old = seen[mine], old[mine]
     if not len(seen):
         return None
-    got, wanted = np.array(albedo.estimate(seen).rgb), np.array(asked)
+    got, wanted = np.array(albedo.estimate(seen).rgb), np.array(edit.asked)
     if got.max() > FAINT:
-        got = np.clip(got * (wanted @ got) / (got @ got), 0, 1)
+        was = np.array(edit.old)
+        light = float(was @ albedo.estimate(old).rgb / max(float(was @ was), 1e-6))
+        brighter = min(wanted @ got / (got @ got), DARKER / max(light, 1e-6))
+        got = np.clip(brighter * got, 0, 1)
     return float(color_space.ciede2000(color_space.to_lab(wanted), color_space.to_lab(got)))
 
 

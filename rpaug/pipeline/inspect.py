@@ -13,10 +13,13 @@ from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
 from rpaug.providers.models_settings import Models
 from rpaug.scene.instances import rgb_episode
+from rpaug.scene.targets.roles import NAMES
 from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.targets.survey import InstanceSummary, survey
 from rpaug.scene.tracking import arms, calibration
 from rpaug.scene.video.video_scene import VideoScene
+
+NOTHING: Mapping[str, Mapping[str, Any]] = {}
 
 
 def inspect(
@@ -88,17 +91,22 @@ def disagreement(dataset: Path, found: Mapping[str, Mapping[str, Any]]) -> list[
 
 
 def roles_file(
-    rows: Sequence[InstanceSummary], every: Sequence[Mapping[str, Any]], lasting: bool = True
+    rows: Sequence[InstanceSummary],
+    every: Sequence[Mapping[str, Any]],
+    lasting: bool = True,
+    believed: Mapping[str, Mapping[str, Any]] = NOTHING,
 ) -> str:
     """A `roles.yaml` of one episode's roles: by mask id where all episodes believe the same ids, else by a color that
-    nothing else has; a role that neither tells is a comment.
+    nothing else has; a role that neither tells is a comment, and so is the best guess at one that is doubted.
+    `believed` is what `inspect` described of each role.
 
     Ids are not `lasting` where each of several episodes is numbered anew: none is written then, since it would be
     refused.
     """
     lines = []
     elsewhere = "other ids elsewhere" if lasting else "without recorded masks ids hold in one alone"
-    for role in dict.fromkeys(row.role for row in rows if row.role):
+    known = dict.fromkeys(row.role for row in rows if row.role)
+    for role in known:
         own = [row for row in rows if row.role == role]
         ids, colors = [row.instance_id for row in own], sorted({row.color_name for row in own})
         alone = {row.instance_id for row in rows if row.color_name in colors} == {*ids}
@@ -108,8 +116,31 @@ def roles_file(
             lines.append(f"  {role}: {{color: {colors[0]}, all: true}}")
         else:
             lines.append(f"  # {role}: {ids} in this episode; {elsewhere}, and no color of its own")
-    empty = all(line.startswith("  #") for line in lines)
-    return "\n".join(["version: 1", "roles: {}" if empty else "roles:", *lines]) + "\n"
+    for role in NAMES:
+        if role not in known:
+            lines += _guessed(role, believed.get(role, {}), rows, lasting)
+    return "\n".join(["version: 1", "roles:", *lines]) + "\n"
+
+
+def _guessed(
+    role: str, belief: Mapping[str, Any], rows: Sequence[InstanceSummary], lasting: bool
+) -> list[str]:
+    """Lines of a comment that settles a role once its mark is taken away: the best guess of `rpaug inspect`."""
+    own = {row.instance_id: row for row in rows if row.instance_id in belief.get("handles", ())}
+    if not own:
+        how = "{handle: [ID, ...]}" if lasting else "{color: WORD, all: true}"
+        return [
+            f"  # {role}: {how}  # nothing was taken for it; `rpaug inspect` lists what there is"
+        ]
+    largest = max(own.values(), key=lambda row: sum(row.pixels.values()))
+    guess = (
+        f"{{handle: {sorted(own)}}}" if lasting else f"{{color: {largest.color_name}, all: true}}"
+    )
+    return [
+        f"  # {role} is doubted: {'; '.join(belief['reasons'])}.",
+        "  # This is the best guess. If it is right, or once you mended it, take away the mark before it:",
+        f"  # {role}: {guess}",
+    ]
 
 
 def _described(row: InstanceSummary) -> dict[str, Any]:

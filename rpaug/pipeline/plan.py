@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rpaug.core.errors import SourceLacks
+from rpaug.core.errors import SourceLacks, TargetError
 from rpaug.core.interfaces import Operator
 from rpaug.core.types import Effect, Episode, Scene
 from rpaug.pipeline.recipe import Accuracy
 from rpaug.pipeline.residuals import Residual
 from rpaug.scene.placement.free_space import MARGIN
-from rpaug.scene.targets.targets import Target
+from rpaug.scene.targets.targets import Target, find
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}
 GEOMETRY = Effect.CAMERA | Effect.DEPTH | Effect.MASK | Effect.BODIES
@@ -207,11 +207,18 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
 
 
 def check(operator: Operator, scene: Scene) -> None:
-    """See that the recording has what an operator declares, sure enough. Raises SourceLacks."""
+    """See that the recording has what an operator declares, sure enough. Raises SourceLacks, with all that is lacking:
+    targets that are not found too."""
+    if lacking := _lacking(operator, scene):
+        raise SourceLacks("; ".join([lacking, *_not_found(operator, scene)]))
+
+
+def _lacking(operator: Operator, scene: Scene) -> str:
+    """What a recording lacks of what an operator declares; empty for nothing."""
     if operator.needs.depth and all(view.depth is None for view in scene.episode.views.values()):
-        raise SourceLacks("it needs recorded depth, and this source has none")
+        return "it needs recorded depth, and this source has none"
     if not (operator.needs.depth or operator.effect & GEOMETRY):
-        return
+        return ""
     for name, view in scene.episode.views.items():
         whose, spread = "", 0.0
         if view.sensed is not None:
@@ -224,10 +231,20 @@ def check(operator: Operator, scene: Scene) -> None:
                 if spread == float("inf")
                 else f"{whose} may be off by {1000 * spread:.0f} mm"
             )
-            raise SourceLacks(
+            return (
                 f"{name}: {how}, and things are kept {1000 * MARGIN:.0f} mm apart: this edit needs depth that "
                 "tells them apart, recorded or by a better model"
             )
+    return ""
+
+
+def _not_found(operator: Operator, scene: Scene) -> Iterator[str]:
+    """Why targets of an operator are not found."""
+    for target in targets(operator):
+        try:
+            find(scene, target)
+        except TargetError as error:
+            yield str(error)
 
 
 def flat(scene: Scene) -> list[str]:

@@ -57,7 +57,7 @@ def ground(scene: Scene, recipe: Recipe) -> tuple[str, ...]:
             how = _how(scene, str(error)) if isinstance(error, SourceLacks) else ""
             missing.append(f"{option.name}: {error}{how}")
     if missing and recipe.on_missing == "fail":
-        raise Missing(f"{scene.episode.key}: {missing[0]}")
+        raise Missing(f"{scene.episode.key}: {'; '.join(missing)}")
     if missing and len(missing) == len(options):
         kind = SourceLacks if lacks else TargetError
         raise kind("; ".join(dict.fromkeys(missing)))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from rpaug.core import registry
 from rpaug.core.errors import BadRecipe, RpaugError
@@ -32,12 +32,20 @@ OnMissing = Literal["skip_edit", "skip_copy", "fail"]
 """Where an episode has nothing for an edit: leave the edit out, leave its copy out, or end the run."""
 
 
+PATTERNS = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+
+
+def _listed(value: Any) -> Any:
+    """One pattern as a list of one."""
+    return [value] if isinstance(value, str) else value
+
+
 class Select(BaseModel):
-    """Which episodes to take: `episodes` are shell patterns on keys, `limit` the first so many of them."""
+    """Which episodes to take: `episodes` is a shell pattern on keys or several, `limit` the first so many of them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    episodes: list[str] = ["*"]
+    episodes: Annotated[list[str], BeforeValidator(_listed), WithJsonSchema(PATTERNS)] = ["*"]
     limit: Annotated[int, Field(ge=1)] | None = None
 
     def __call__(self, keys: Sequence[str]) -> list[str]:

@@ -18,6 +18,7 @@ from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Recipe
 
 MINUTES = 60.0
+NAMED = 3  # episodes that a sentence names at most
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,8 @@ class Summary:
     left_out: list[dict[str, Any]] = field(default_factory=list)  # edits: where, how often, why
     fell_short: list[dict[str, Any]] = field(
         default_factory=list
-    )  # edits: what, how many of how many
+    )  # edits: what, how many of how many, in which episodes
+    painted_over: dict[str, int] = field(default_factory=dict)  # edits under others, with copies
     roles: list[str] = field(default_factory=list)  # that differ between episodes of one task
     unmet: bool = False  # an edit that all copies were to have is in none
     missing: bool = False  # aborted since an episode lacked what an edit is made of
@@ -166,7 +168,8 @@ class Summary:
     def shortfalls(self) -> list[str]:
         """One sentence for each wish that an edit could not fulfil everywhere."""
         return [
-            f"{one['edit']}: {one['count']} of {one['of']} {one['what']}" for one in self.fell_short
+            f"{one['edit']}: {one['count']} of {one['of']} {one['what']} ({_named(one['episodes'])})"
+            for one in self.fell_short
         ]
 
     @property
@@ -187,6 +190,12 @@ def alike(reasons: Mapping[str, str], *, files: bool = True) -> list[tuple[list[
         same = told.partition("there is: ")[0]
         found.setdefault(same if files else same.replace(key, ""), ([], told))[0].append(key)
     return list(found.values())
+
+
+def _named(keys: Sequence[str]) -> str:
+    """Episodes by name, the first few of many."""
+    more = f" and {len(keys) - NAMED} others" if len(keys) > NAMED else ""
+    return ", ".join(keys[:NAMED]) + more
 
 
 def _reasons(found: Sequence[Mapping[str, Any]]) -> str:

@@ -23,6 +23,9 @@ def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
                 break
     kept: dict[str, Any] = {
         "draws": drawn,
+        "painted_over": [
+            words for draw in described["draws"] for words in draw.get("painted_over", ())
+        ],
         "roles": described.get("roles"),
         "warnings": described["plan"].get("warnings"),
         "faults": (described.get("gates") or {}).get("faults"),
@@ -62,6 +65,8 @@ def add_up(
         summary.copies += 1
         if "warnings" in found:
             summary.warnings[line["source"]] = list(found["warnings"])
+        for words in found.get("painted_over", ()):
+            summary.painted_over[words] = summary.painted_over.get(words, 0) + 1
         for stage, seconds in found.get("seconds", {}).items():
             summary.seconds[stage] = round(summary.seconds.get(stage, 0.0) + seconds, 4)
         for name, share in found.get("changed_share", {}).items():
@@ -94,6 +99,7 @@ class EditOutcomes:
     copies: int = 0  # that drew it
     lacking: int = 0  # of them
     short: dict[str, tuple[int, int]] = field(default_factory=dict)  # things of how many, by what
+    short_in: dict[str, dict[str, None]] = field(default_factory=dict)  # source episodes, by what
 
     def add(self, source: str, left_out: str | None, short: Mapping[str, list[int]]) -> None:
         """Count one copy of a source episode."""
@@ -105,6 +111,8 @@ class EditOutcomes:
         for words, (missed, asked) in short.items():
             before = self.short.get(words, (0, 0))
             self.short[words] = before[0] + missed, before[1] + asked
+            if missed:
+                self.short_in.setdefault(words, {})[source] = None
 
     @property
     def nowhere(self) -> bool:
@@ -133,8 +141,8 @@ class EditOutcomes:
         """What it could not do as asked, over all copies that were kept."""
         for words, (missed, asked) in self.short.items():
             if missed:
-                name = self.option.name
-                yield {"step": self.step, "edit": name, "what": words, "count": missed, "of": asked}
+                counts = {"count": missed, "of": asked, "episodes": list(self.short_in[words])}
+                yield {"step": self.step, "edit": self.option.name, "what": words, **counts}
 
 
 def _unmet(outcomes: Mapping[tuple[int, int], EditOutcomes], number: int, step: Step) -> bool:

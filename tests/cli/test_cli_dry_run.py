@@ -38,6 +38,17 @@ def test_unreadable_episodes_and_other_parts_do_not_count(dataset: Path, tmp_pat
     assert (code, json.loads(out)["plans"]) == (2, [])
 
 
+def test_it_takes_no_output_and_a_run_does(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    given = ("augment", dataset, "--recipe", tmp_path / "r.yaml")
+    code, out, _ = run(*given, "--dry-run")
+    assert (code, "Nothing was written" in out) == (0, True)
+    for more in ((), ("--dry-run", "--resume")):
+        code, _, err = run(*given, *more)
+        assert code == 2
+        assert "--out: missing" in err
+
+
 def test_what_is_assumed_of_one_episode_after_the_other_is_said_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

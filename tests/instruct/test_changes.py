@@ -42,3 +42,16 @@ def test_one_paint_without_a_word_leaves_none() -> None:
     again = replace(painted, appearance=(paint, paint))
     assert changes.of(again, [(operator, edit)]).words == {BALL: None}
     assert changes.of(painted, ()).words == {BALL: None}
+
+
+def test_what_is_painted_twice_goes_by_the_later_word_and_other_looks_on_it_leave_none() -> None:
+    scene = analytic_scene(EYES, length=2)
+    edits = []
+    for color in ("red", "green", "blue"):
+        operator = Recolor(target=Target(handle=BALL), color=color)
+        edits.append((operator, operator.sample(scene, np.random.default_rng(0))))
+        scene = operator.apply(scene, edits[-1][1])
+    assert changes.of(scene, edits).words == {BALL: "blue"}
+    (paint,) = scene.appearance
+    unknown = replace(scene, appearance=(paint, paint))
+    assert changes.of(unknown, edits).words == {BALL: None}

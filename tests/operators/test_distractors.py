@@ -92,8 +92,8 @@ def test_what_finds_no_room_near_stands_elsewhere_and_that_is_said(monkeypatch) 
     low = "within 15 cm of the gripper's low path"
     said = f"added things stand elsewhere: no room {low}"
     assert line == f"2 of 2 {said}"
-    whole = Summary(fell_short=[{"edit": "distractors", "count": 2, "of": 8, "what": said}])
-    assert whole.shortfalls == [f"distractors: 2 of 8 {said}"]
+    short = {"edit": "distractors", "count": 2, "of": 8, "what": said, "episodes": ["a", "b"]}
+    assert Summary(fell_short=[short]).shortfalls == [f"distractors: 2 of 8 {said} (a, b)"]
     with pytest.raises(Unsupported, match="no room"):
         drawn(near="path")
 

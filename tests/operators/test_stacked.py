@@ -1,7 +1,7 @@
 """Edits of many images at once: what each edit makes of its own rows, alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,9 @@ from rpaug.assets.textures import shipped
 from rpaug.assets.textures.mapping import Texture
 from rpaug.core import geometry
 from rpaug.operators.light_color import Gain
-from rpaug.operators.recolor import AlbedoRatio
+from rpaug.operators.recolor import AlbedoRatio, LabShift
 from rpaug.operators.texturing import Textured
+from rpaug.render.batched.composite import stacks
 from rpaug.scene.lighting.shading import Smooth
 
 RED, WOOD, GREY = (0.8, 0.2, 0.1), (0.7, 0.55, 0.4), (0.5, 0.5, 0.5)
@@ -105,6 +106,17 @@ def test_ratios(device: torch.device, mirrored: bool) -> None:
     ]
     alike(edits, device, mirrored)
     alike(edits[:4], device, mirrored)
+    oak = Textured(
+        ONE, Texture.of(shipped.image("oak")), np.eye(4), 0.25, "box", WOOD, False, SMOOTH
+    )
+    part = AlbedoRatio(ONE, RED, (0.0, 0.9, 0.0), False, HUES, (1,), beneath=edits[1])
+    beneath = [
+        part,
+        replace(part, part=(0,), beneath=oak),
+        replace(part, part=(2,), beneath=part),
+        edits[5],
+    ]
+    alike([*beneath, edits[0]], device, mirrored)
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -122,3 +134,9 @@ def test_textures(device: torch.device, mirrored: bool) -> None:
     ]
     alike(edits, device, mirrored)
     alike([edits[0], edits[4]], device, mirrored)
+
+
+def test_a_part_over_paint_that_cannot_be_stacked_is_not_stacked() -> None:
+    part = AlbedoRatio(ONE, RED, GREY, False, HUES, (1,))
+    assert stacks(replace(part, beneath=part))
+    assert not stacks(replace(part, beneath=replace(part, beneath=LabShift(ONE, RED, GREY))))

@@ -12,7 +12,7 @@ from analytic import EYES, scene
 
 from rpaug.core.types import Episode
 from rpaug.pages import contact
-from rpaug.pipeline import report
+from rpaug.pipeline import journal, report
 
 
 def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
@@ -36,6 +36,43 @@ def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
     assert shown[0] == 1
     assert max(b - a for a, b in pairwise(shown)) < 14  # over the whole
     assert len(read) < 20
+
+
+def test_episodes_that_lack_no_edit_come_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys = [f"train/{number}" for number in range(20)]
+    lines = []
+    for key in keys:
+        (tmp_path / key).mkdir(parents=True)
+        described = {"synthetic": True, "source": key}
+        (tmp_path / key / report.NAME).write_text(json.dumps(described))
+        left_out = None if key in ("train/5", "train/18") else "nothing fits"
+        draws = [[0, 0, left_out, {}], [1, 0, "no table" if key == "train/1" else None, {}]]
+        lines.append({"made": key if key != "train/18" else "train/99", "facts": {"draws": draws}})
+    lines.append({"renamed": "train/99", "to": "train/18"})
+    journal.append(tmp_path, lines, durable=False)
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
+    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d: f"<p>{key}")
+    held = SimpleNamespace(episodes=lambda _: keys)
+    page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
+    shown = [int(part.split("<")[0]) for part in page.split("<p>train/")[1:]]
+    assert shown[:2] == [5, 18]
+    assert len(shown) == contact.MOST_EPISODES
+    assert 1 not in shown  # it lacks all
+
+
+def test_each_shown_frame_says_how_much_of_it_changed() -> None:
+    view = scene(EYES, length=3).episode.views["front"]
+
+    def edited(t: int) -> np.ndarray:
+        out = view.rgb(t).copy()
+        out[:40] = ~out[:40] if t == 1 else out[:40]
+        out[0, 0] = ~out[0, 0] if t == 2 else out[0, 0]
+        return out
+
+    words = contact._by_frame(view, replace(view, rgb=edited), range(3))
+    assert words == "frame 0: unchanged, frame 1: 50 %, frame 2: under 1 %"
 
 
 def test_a_recorded_episode_is_read_once_for_its_copies(tmp_path: Path) -> None:

@@ -91,6 +91,13 @@ def test_where_shadows_were_cast_anew_is_said():
     ]
 
 
+def test_a_lamp_of_some_temperature_is_warmer_or_cooler_alone():
+    drawn = {"op": "light_color", "fields": {"temperature": [3000, 3000]}}
+    warm = {**drawn, "edit": {"gain": [1.1, 1.0, 0.7]}}
+    assert told.draw(warm) == "lamps 7 % dimmer, warmer"
+    assert told.draw({**warm, "fields": {}}) == "lamps 7 % dimmer, warmer and greener"
+
+
 @pytest.mark.parametrize(
     ("gain", "words"),
     [

@@ -2,7 +2,9 @@
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -93,6 +95,18 @@ def test_a_run_may_be_ended_by_it(template: Path, tmp_path: Path, scene: Scene) 
     assert not (tmp_path / "out").exists()
     with pytest.raises(Missing, match="4711"):
         copies.draw(scene, wanted, 1)
+
+
+def test_all_that_is_lacking_is_told_at_once(scene: Scene) -> None:
+    nothing = {**NOWHERE, "target": {"handle": 4712}}
+    with pytest.raises(Missing, match=r"4711.*4712"):
+        prepare.ground(scene, asked(LIGHT, NOWHERE, nothing, on_missing="fail"))
+    off = SimpleNamespace(spread=0.2)
+    views = {name: replace(view, sensed=off) for name, view in scene.episode.views.items()}
+    rough = replace(scene, episode=replace(scene.episode, views=views))
+    (why,) = prepare.ground(rough, asked(LIGHT, {"op": "remove", "target": {"handle": 4711}}))
+    assert "may be off by 200 mm" in why
+    assert "no such instance 4711" in why
 
 
 def test_an_episode_is_lost_only_if_all_its_edits_are_missing(

@@ -8,8 +8,8 @@ from rpaug.pipeline import recipe
 
 PAINT = "edits: [{op: recolor, target: {role: manipulated}, color: blue}]"
 WORDS = [
-    ("select: [a]", "select: found a list; expected `select: {episodes: [...], limit: ...}`"),
-    ("select: {episodes: a}", "select.episodes: found 'a'; expected a list"),
+    ("select: [a]", "select: found a list; expected `select: {episodes: ..., limit: ...}`"),
+    ("select: {episodes: 3}", "select.episodes: found 3; expected a list"),
     ("slect: {episodes: [a]}", "slect: unknown key; did you mean select?"),
     ("select: {episode: [a]}", "did you mean episodes?"),
     ("select: {zzz: [a]}", "unknown key; known are: episodes, limit"),

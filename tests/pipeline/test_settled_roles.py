@@ -130,6 +130,13 @@ def test_inspect_writes_the_file_once(dataset: Path) -> None:
     assert json.loads(done.stdout)["roles_file"] == str(dataset / NAME)
 
 
+def test_what_differs_is_said_last(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inspection, "disagreement", lambda *_: ["table: 1 of 2 have none"])
+    lines = CliRunner().invoke(app, ["inspect", str(dataset), "--write-roles"]).stdout.splitlines()
+    assert lines[-2] == "roles differ: table: 1 of 2 have none"
+    assert lines[-1].startswith("roles written to")
+
+
 def test_no_id_is_written_where_it_would_be_refused() -> None:
     row = SimpleNamespace(role="table", instance_id=3, color_name="gray")
     other = SimpleNamespace(role="", instance_id=4, color_name="gray")
@@ -140,6 +147,27 @@ def test_no_id_is_written_where_it_would_be_refused() -> None:
     assert "# table: [3] in this episode; without recorded masks ids hold in one alone" in text
     by_color = inspection.roles_file([row], alike, lasting=False)  # type: ignore[list-item]
     assert "  table: {color: gray, all: true}" in by_color
+
+
+def test_a_doubted_role_is_written_as_a_comment_that_settles_it(tmp_path: Path) -> None:
+    rows = [
+        SimpleNamespace(role="robot", instance_id=1, color_name="black", pixels={"a": 9}),
+        SimpleNamespace(role="", instance_id=2, color_name="silver", pixels={"a": 90}),
+    ]
+    doubt = {"table": {"handles": [2], "reasons": ["color alone does not tell it"]}}
+    for lasting, expected in (
+        (True, SettledRole(handle=[2])),
+        (False, SettledRole(color="silver", all=True)),
+    ):
+        text = inspection.roles_file(rows, [], lasting, doubt)  # type: ignore[arg-type]
+        (tmp_path / NAME).write_text(text)
+        assert "table" not in read(tmp_path)
+        assert "# table is doubted: color alone does not tell it." in text
+        assert "# manipulated: {" in text  # nobody took anything for it
+        (tmp_path / NAME).write_text(text.replace("# table: ", "table: "))
+        assert read(tmp_path)["table"] == expected
+    (tmp_path / NAME).write_text(inspection.roles_file([], []))
+    assert read(tmp_path) == {}
 
 
 def test_the_page_outlines_roles(scene: Scene) -> None:

@@ -29,7 +29,9 @@ def test_things_that_could_not_be_had_are_counted_of_those_asked_for(
         found.add(f"episode{number}", None, {WORDS: [missed, asked]})
     summary = Summary(fell_short=list(found.fell_short()))
     missed, asked = (sum(one[k] for one in copies) for k in (0, 1))
-    sentence = f"distractors: {missed} of {asked} {WORDS}"
+    where = [f"episode{number}" for number, one in enumerate(copies) if one[0]]
+    more = f" and {len(where) - 3} others" if where[3:] else ""
+    sentence = f"distractors: {missed} of {asked} {WORDS} ({', '.join(where[:3])}{more})"
     assert summary.shortfalls == ([sentence] if missed else [])
 
 

@@ -179,7 +179,10 @@ def test_the_command_says_what_is_wrong(output: Path, template: Path, tmp_path: 
         result = CliRunner().invoke(app, [str(argument) for argument in given])
         return result.exit_code, result.stdout, result.stderr
 
-    assert run()[0] == 0
+    code, out, _ = run()
+    assert code == 0
+    assert "what no edit reaches are as recorded" in out.splitlines()[-1]
+    assert "Whether edits look right is not judged" in out.splitlines()[-1]
     replay = tmp_path / "replay"
     replay.mkdir()
     assert run("--replay", replay)[0] == 0

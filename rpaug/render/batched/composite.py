@@ -21,7 +21,8 @@ Surfaces = Callable[[Pixels], Any]
 
 def stacks(edit: Appearance) -> bool:
     """Whether an edit can be made in many images at once."""
-    return hasattr(edit, "stacked")
+    beneath = getattr(edit, "beneath", None)
+    return hasattr(edit, "stacked") and (beneath is None or stacks(beneath))
 
 
 def composite(

@@ -47,7 +47,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
         reason = "nothing was seen to be the table"
         if doubted is not None and doubted.confidence < roles.BOUND:
             reason = "; ".join(doubted.reasons)
-        raise TargetError(f"{reason}, so there is nowhere to put things")
+        raise TargetError(f"{reason}, so there is nowhere to put things{_also(scene)}")
     if any(view.proxy for view in scene.episode.views.values()):
         return free_space_rgb.find_free_space(scene, leaving)
     points = _support(scene, support)
@@ -68,6 +68,15 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     empty = replace(empty, seen=showing | _beneath(empty, scene, leaving))
     standing = _standing(empty, scene, gone)
     return replace(standing, swept=swept.lowest(standing, scene, gone))
+
+
+def _also(scene: Scene) -> str:
+    """What putting things in lacks beside a table."""
+    try:
+        free_space_rgb.together(scene, "a new thing")
+    except SourceLacks as error:
+        return f"; and {error}"
+    return ""
 
 
 def _beneath(room: FreeSpace, scene: Scene, leaving: frozenset[int]) -> Bool[np.ndarray, "r c"]:

@@ -3,9 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, StrictInt, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    StrictInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from rpaug.core import color_space, safe_yaml
 from rpaug.core.errors import BadInput, TargetError
@@ -55,6 +62,12 @@ class _File(BaseModel):
 
     version: Literal[1] = 1
     roles: dict[Role, SettledRole]
+
+    @field_validator("roles", mode="before")
+    @classmethod
+    def _none(cls, value: Any) -> Any:
+        """All roles may be comments."""
+        return {} if value is None else value
 
 
 def read(root: Path) -> dict[str, SettledRole]:

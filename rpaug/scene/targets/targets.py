@@ -128,13 +128,10 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
             raise TargetError(
                 f"{target}: no such instance {_numbers(wanted - scene.instance_ids)}; {_there_is(_rows(scene), scene)}"
             )
-        if agreement.photographed(scene) and not wanted & agreement.apart(scene):
-            named = frozenset[int]().union(*scene.names.values())
-            known = named | agreement.apart(scene) if named >= wanted else frozenset[int]()
-            if reason := agreement.split(scene, wanted, known):
-                raise TargetError(
-                    f"{target}: {reason}; `views` of cameras.yaml names the cameras to edit"
-                )
+        if reason := _unlike(scene, wanted):
+            raise TargetError(
+                f"{target}: {reason}{_together(scene, wanted)}; `views` of cameras.yaml names the cameras to edit"
+            )
         return wanted
     if target.role is not None:
         if target.role not in scene.roles:
@@ -144,12 +141,46 @@ def find(scene: Scene, target: Target) -> frozenset[int]:
         found = scene.roles[target.role]
     else:
         found = by_words(scene, target)
-    named = frozenset[int]().union(*scene.names.values())
-    if agreement.photographed(scene) and not found & agreement.apart(scene):
-        for thing in [{one} for one in sorted(found)] if target.all else [found]:
-            if reason := agreement.dispute(scene, thing, outlined=named >= thing):
-                raise TargetError(f"{target}: instance {_numbers(thing)}: {reason}")
+    if disputed := _disputed(scene, found, every=target.all):
+        thing, reason = disputed
+        raise TargetError(
+            f"{target}: instance {_numbers(thing)}: {reason}{_together(scene, thing)}"
+        )
     return found
+
+
+def _disputed(
+    scene: Scene, found: frozenset[int], *, every: bool
+) -> tuple[frozenset[int], str] | None:
+    """The first thing of a photographed scene on which its cameras may not agree, and why; `every`: each instance is
+    one, else all are one together."""
+    if not agreement.photographed(scene) or found & agreement.apart(scene):
+        return None
+    named = frozenset[int]().union(*scene.names.values())
+    for thing in [frozenset({one}) for one in sorted(found)] if every else [found]:
+        outlined, others = named >= thing, found - thing
+        if reason := agreement.dispute(scene, thing, outlined=outlined, besides=others):
+            return thing, reason
+    return None
+
+
+def _unlike(scene: Scene, wanted: frozenset[int]) -> str:
+    """Why instances that are named by their ids are not one thing in all cameras of a photographed scene; empty if
+    nothing speaks against it."""
+    if not agreement.photographed(scene) or wanted & agreement.apart(scene):
+        return ""
+    named = frozenset[int]().union(*scene.names.values())
+    known = named | agreement.apart(scene) if named >= wanted else frozenset[int]()
+    return agreement.split(scene, wanted, known)
+
+
+def _together(scene: Scene, thing: frozenset[int]) -> str:
+    """How to name a thing with what it may be in cameras that do not show it, if its cameras agree on that."""
+    there = agreement.missed(scene, thing).values()
+    both = thing.union(one for one in there if one is not None)
+    if both == thing or agreement.cut_off(scene, thing) or _unlike(scene, both):
+        return ""
+    return f"; where that is so, {{handle: {sorted(both)}}} in a recipe of this episode alone takes both"
 
 
 def by_words(scene: Scene, target: Target, *, whole: bool = False) -> frozenset[int]:
@@ -158,11 +189,30 @@ def by_words(scene: Scene, target: Target, *, whole: bool = False) -> frozenset[
     phrase = relations.parse(target.text or "")
     found = _Finder(scene, str(target), whole).things(phrase, target.all)
     if len(found) > 1 and not target.all:
-        raise TargetError(
-            f"{target}: {len(found)} things fit: {_list(_firsts(_rows(scene), found))}; "
-            "say more, or set all: true to take them all"
-        )
+        listed = _list(_firsts(_rows(scene), found))
+        raise TargetError(f"{target}: {len(found)} things fit: {listed}; {_choice(scene, found)}")
     return frozenset().union(*found)
+
+
+def _choice(scene: Scene, found: Sequence[frozenset[int]]) -> str:
+    """What would settle which of several things are meant: each way that works in this scene."""
+    every = frozenset[int]().union(*found)
+    if not agreement.photographed(scene):
+        return "say more, or set all: true to take them all"
+    ways = ["say more"] if agreement.modelled(scene) else []  # places take depth
+    ways += [
+        f"{{handle: {sorted(one)}}} in a recipe of this episode alone takes one"
+        for one in found
+        if not _unlike(scene, one)
+    ]
+    if not _disputed(scene, every, every=True):
+        ways.append("all: true takes them all")
+    elif not _unlike(scene, every):
+        ways.append(f"{{handle: {sorted(every)}}} in a recipe of this episode alone takes all")
+    return (
+        ", ".join(ways)
+        or "cameras do not agree on any: `views` of cameras.yaml names those to edit"
+    )
 
 
 def wording(phrase: Phrase) -> str:

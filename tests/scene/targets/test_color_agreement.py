@@ -1,5 +1,7 @@
 """Words for things in color images alone: never table, background, or what an image cuts off; all cameras agree."""
 
+import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,6 +13,7 @@ from rpaug.core.errors import TargetError
 from rpaug.core.types import CameraView, Scene
 from rpaug.pipeline import prepare, recipe
 from rpaug.scene.build import build
+from rpaug.scene.placement.placing import find_free_space
 from rpaug.scene.targets import settled
 from rpaug.scene.targets.targets import Target, assumed, find
 
@@ -155,3 +158,65 @@ def test_a_camera_that_does_not_see_it_does_not_dispute_it() -> None:
         out[36:44, 14:22] = out[36:44, 26:34]
 
     assert find(seen(nothing, gone), Target(text="the red block"))
+
+
+def elsewhere(tint: tuple[int, int, int]) -> Paint:
+    """In place of the block there is nothing, and a small thing of another tint stands elsewhere."""
+
+    def painted(out: np.ndarray) -> None:
+        out[36:44, 14:22] = out[36:44, 26:34]
+        out[50:55, 34:39] = tint
+
+    return painted
+
+
+def test_a_small_thing_of_nearly_its_color_in_another_camera_disputes_it() -> None:
+    # 19 from the block's red, as where what is around is mixed in.
+    scene = seen(nothing, elsewhere((180, 52, 52)))
+    (block,) = find(scene, Target(text="the red block"))
+    other = 77  # told apart, as where colors are cut into clusters otherwise
+
+    def renamed(camera: str, box: tuple[slice, slice]) -> CameraView:
+        view = scene.episode.views[camera]
+        ids = view.ids(0).copy()  # type: ignore[misc]
+        ids[box] = other
+        return replace(view, ids=lambda t: ids)
+
+    last = renamed("image_1", np.s_[50:55, 34:39])
+    bodies = (*scene.bodies, replace(scene.bodies[-1], instance_ids=frozenset({other})))
+    views = {**scene.episode.views, "image_1": last}
+    split = replace(scene, episode=replace(scene.episode, views=views), bodies=bodies)
+    with pytest.raises(TargetError, match=f"there it may be instance {other}; where that is so"):
+        find(split, Target(handle=block))
+    assert find(split, Target(handle=[block, other])) == {block, other}
+    views["image_0"] = renamed("image_0", np.s_[2:8, 2:8])  # it stands beside the block there
+    apart = replace(split, episode=replace(scene.episode, views=views))
+    assert find(apart, Target(handle=block)) == {block}
+
+
+def test_refusals_advise_what_works_in_this_scene() -> None:
+    def two(out: np.ndarray) -> None:
+        out[48:56, 34:42] = BLOCK
+
+    for scene in (seen(nothing, two), seen(two, two), seen(two), seen(two, elsewhere(BLOCK))):
+        for words in ("the red thing", "the red block"):
+            for every in (False, True):
+                try:
+                    find(scene, Target(text=words, all=every))
+                except TargetError as error:
+                    advised(scene, words, str(error))
+
+
+def advised(scene: Scene, words: str, said: str) -> None:
+    assert "say more" not in said  # places take depth
+    for ids in re.findall(r"\{handle: (\[[\d, ]+\])\}", said):
+        assert find(scene, Target(handle=json.loads(ids)))
+    if "all: true" in said:
+        assert find(scene, Target(text=words, all=True))
+    assert "{handle" in said or "all: true" in said or "cameras.yaml" in said or "edge" in said
+
+
+def test_putting_things_in_lacks_a_table_and_the_places_of_cameras_at_once() -> None:
+    bare = replace(seen(nothing, nothing), roles={}, beliefs={})
+    with pytest.raises(TargetError, match=r"nowhere to put things; and nothing says where image_0"):
+        find_free_space(bare)
