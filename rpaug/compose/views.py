@@ -68,6 +68,10 @@ class Stands:
     places: surface.KnownPlaces | None
 
 
+Whole = tuple[inserted.Image, Bool[np.ndarray, "h w"]]
+"""Color, depth and ids of an image before things are put in and appearance is edited, and its holes."""
+
+
 def edited(
     scene: Scene,
     representations: Mapping[str, int],
@@ -87,17 +91,7 @@ def edited(
     if 1 in representations.values():  # each camera's view is drawn from all cameras' images
         near = replace(scene, episode=shelved(scene.episode))
 
-    @cache
-    def drawn(matte: bool) -> Callable[[str, int], Whole]:
-        if not matte:
-            return partial(_surfels, near, surfels.build(near, kept() if kept else None))
-        if cast is not None:
-            bare, known = cast.recorded, _evenly_lit(rig.recorded(scene), cast.relit.recorded)
-        else:
-            bare, known = highlights.matte(scene), _matte(rig.recorded(scene))
-        base = replace(scene, episode=shelved(bare))
-        return partial(_surfels, base, surfels.build(base, known))
-
+    drawn = _bases(scene, near, cast, kept)
     whole = None
     if any(tier >= 3 for tier in representations.values()):
         from rpaug.gaussians import fill_gaussians  # only here: it brings the rasteriser
@@ -130,6 +124,29 @@ def edited(
             views[name] = _rendered(scene, name, render, watch)
     shown = {name: _as_recorded(view, scene.episode.views[name]) for name, view in views.items()}
     return replace(scene.episode, views=shown, descriptions=scene.descriptions)
+
+
+def _bases(
+    scene: Scene,
+    near: Scene,
+    cast: recast.Recast | None,
+    kept: Callable[[], surfels.Surfels] | None,
+) -> Callable[[bool], Callable[[str, int], Whole]]:
+    """Images drawn of surfels: of what was recorded, or, if they are to be `matte`, of it without cast shadows and
+    highlights."""
+
+    @cache
+    def drawn(matte: bool) -> Callable[[str, int], Whole]:
+        if not matte:
+            return partial(_surfels, near, surfels.build(near, kept() if kept else None))
+        if cast is not None:
+            bare, known = cast.recorded, _evenly_lit(rig.recorded(scene), cast.relit.recorded)
+        else:
+            bare, known = highlights.matte(scene), _matte(rig.recorded(scene))
+        base = replace(scene, episode=shelved(bare))
+        return partial(_surfels, base, surfels.build(base, known))
+
+    return drawn
 
 
 @once
@@ -272,9 +289,6 @@ def _on_device(
         return None
     return batched.ahead(scene, name, device)
 
-
-Whole = tuple[inserted.Image, Bool[np.ndarray, "h w"]]
-"""Color, depth and ids of an image before things are put in and appearance is edited, and its holes."""
 
 Lit = tuple[inserted.Image, Bool[np.ndarray, "h w"], Float32[np.ndarray, "h w"] | None]
 """The same with what was put in, and the light on it where shadows were cast anew."""

@@ -243,6 +243,7 @@ def _draw(
 ):  # fmt: skip
     """Draw one source's surfels, of the pixels to `use` (none given: of all): rasterise each footprint, keep the
     nearest, leave out what was seen through."""
+    # Long: one pass over a source's rows, whose parts share a dozen arrays.
     height, width = nearest.shape
     rays = (np.arange(width) - target[2]) / target[0]
     prints = np.empty((11, PIECE))
