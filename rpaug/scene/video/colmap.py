@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import cv2
 import numpy as np
@@ -205,18 +205,30 @@ def _model(found: Any) -> Reconstruction:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without COLMAP's own log on the terminal, which does not ask Python."""
+    """Without COLMAP's own log on the terminal, which does not ask Python; what Python says there is still shown."""
     import pycolmap
 
-    before = pycolmap.logging.minloglevel
+    before, said = pycolmap.logging.minloglevel, sys.stderr
     pycolmap.logging.minloglevel = 2
-    sys.stderr.flush()
+    said.flush()
     kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
     try:
-        yield
+        with contextlib.ExitStack() as stack:
+            if _is_terminals(said):
+                sys.stderr = stack.enter_context(open(os.dup(kept), "w", buffering=1))
+            yield
     finally:
+        sys.stderr = said
         os.dup2(kept, 2)
         os.close(kept)
         os.close(null)
         pycolmap.logging.minloglevel = before
+
+
+def _is_terminals(stream: TextIO) -> bool:
+    """Whether a stream goes where the process's errors go, rather than to whoever took its place."""
+    try:
+        return stream.fileno() == 2
+    except OSError:
+        return False

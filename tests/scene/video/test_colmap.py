@@ -1,5 +1,7 @@
 """COLMAP itself, on videos rendered in the twin: a model where the camera walks, a refusal where it only looks."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import closing
 
@@ -60,3 +62,18 @@ def test_a_walk_is_found() -> None:
 def test_a_head_that_only_turns_is_refused() -> None:
     with pytest.raises(Unsupported, match="structure from motion"):
         colmap.reconstruct(filmed(walk(0.0)), range(LENGTH), settings=RULE)
+
+
+def test_only_what_colmap_says_is_kept_from_the_terminal() -> None:
+    """Minutes of mapping told nothing of how far they were, since progress goes to the same place."""
+    program = (
+        "import os, sys\n"
+        "from rpaug.cli.progress import console\n"
+        "from rpaug.scene.video import colmap\n"
+        "with colmap._quiet():\n"
+        "    os.write(2, b'its log\\n')\n"
+        "    console.print('mapping, 3 of 9')\n"
+        "print('after', file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stderr.splitlines() == ["mapping, 3 of 9", "after"]
