@@ -43,6 +43,7 @@ SECONDS_OUTLINED, SECONDS_GUESSED = (
 SECONDS_FIT = 90.0
 SECONDS_FOUR = 60.0  # more, where something bends
 GROWN = 0.15  # of the recorded bytes, more, where cameras move
+LOSSY = 2.0  # times the recorded bytes of color alone, which mostly is JPEG: it is written at the best quality
 BYTES_A_COPY = 2000.0  # more: its report
 
 
@@ -209,7 +210,9 @@ class Plan:
             if view.depth is None or view.inferred:
                 told = SECONDS_OUTLINED * episode.length + SECONDS_GUESSED * megapixels
                 seconds += told * self.bodies * (1 + copies)
-        size = copies * (stored * (1 + GROWN * bool(work.moved)) + BYTES_A_COPY / 1e6)
+        colored = all(view.depth is None for view in episode.views.values())
+        grown = (LOSSY if colored else 1) * (1 + GROWN * bool(work.moved))
+        size = copies * (stored * grown + BYTES_A_COPY / 1e6)
         return {"seconds": seconds, "megabytes": size}
 
 
