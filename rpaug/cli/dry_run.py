@@ -6,6 +6,8 @@ import sys
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, TextIO
 
@@ -13,18 +15,19 @@ from rpaug.cli.console import counted, say, warn
 from rpaug.core.errors import RpaugError
 
 SHOWN = 3  # episodes that are listed, of those of which the same is said
+CONTACT, SHEET = 0.04, 8  # megabytes of an episode on the contact sheet, and how many are on it
 
 
 def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     """Images are looked at only to measure errors, where the recipe states an accuracy. Returns the exit code. JSON
     goes to a file first, since nothing may be printed beside an error."""
-    from rpaug.pipeline import plan, prepare
+    from rpaug.pipeline import prepare
     from rpaug.pipeline.augment import check
 
     check(run, resume)
     planned, failed, known, alike = 0, dict[str, str](), list[str](), _Alike()
     warned = Counter[str]()
-    total = {"seconds": plan.SECONDS_START, "megabytes": 0.0}
+    total, start, stored = {"seconds": 0.0, "megabytes": 0.0}, 0.0, _Stored(run)
     with TemporaryFile("w+") as plans:
         for at, key in enumerate(run.keys):
             if not run.makes(at):
@@ -36,7 +39,8 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
                 failed[key] = str(error)
                 continue
             planned += 1
-            cost = made.cost(episode, len(run.copies))
+            cost = made.cost(episode, len(run.copies), stored.megabytes(key))
+            start = max(start, made.start)
             total = {name: seconds + cost[name] for name, seconds in total.items()}
             own = {name: round(value, 3) for name, value in cost.items()}
             one = {"episode": key, "frames": episode.length, **made.describe(), "estimate": own}
@@ -47,6 +51,8 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
                 regions = [str(region) for region in made.regions if region.met is not None]
                 if alike.shown(one, regions):
                     known = _tell(one, regions, known)
+        total["seconds"] += start
+        total["megabytes"] += CONTACT * min(planned, SHEET)
         rounded = {name: round(value, 1) for name, value in total.items()}
         if as_json:
             _print(plans, len(run.copies), failed, rounded)
@@ -58,6 +64,29 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
                 warn("warning", f"in {times} of {counted(planned, 'episode')}: {line}")
         _sum_up(planned * len(run.copies), failed, rounded, run.linked)
     return 2 if not planned else 1 if failed else 0
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """How large the recorded episodes of a run are."""
+
+    run: Any
+
+    def megabytes(self, key: str) -> float:
+        """Of an episode's own folder, else the mean of its dataset's episodes."""
+        folder = self.run.source / key
+        return _size(folder) if folder.is_dir() else self._mean
+
+    @cached_property
+    def _mean(self) -> float:
+        source, adapter = self.run.source, self.run.adapter
+        return _size(source) / max(1, len(adapter.episodes(source)))
+
+
+def _size(path: Path) -> float:
+    """Megabytes of a file, or of all files in a folder."""
+    paths = path.rglob("*") if path.is_dir() else [path]
+    return sum(one.stat().st_size for one in paths if one.is_file()) / 1e6
 
 
 @dataclass

@@ -25,21 +25,36 @@ FIT = (
 )  # fmt: skip
 FEWEST = 200  # pixels: the residual of a smaller region says little
 
-# Rough figures of a 2-core machine, for --dry-run (tools/bench/dry_run.py): seconds per million pixels that are
-# rendered, read, or looked at for bodies; beside them what a worker, an episode and a copy take however small they are.
-SECONDS = {0: 0.15, 1: 0.4, 3: 1.0, 4: 1.3}
-SECONDS_READ = 0.1
-SECONDS_BODIES = 0.3
-SECONDS_START, SECONDS_EPISODE, SECONDS_COPY = 2.5, 0.006, 0.013
-SECONDS_TRACKED = 0.015  # an episode, where bodies are
+# Rough figures of a 2-core machine, for --dry-run (tools/bench/dry_run.py), in processor seconds. A worker starts, and
+# loads what tells instances apart, what renders, and what each edit beside the first needs; an episode is read, its
+# instances are told apart and tracked, and lamps and free space are sought for each edit that puts something down.
+SECONDS_START, SECONDS_START_BODIES, SECONDS_START_RENDERED = 2.57, 1.03, 0.39
+SECONDS_FURTHER = 0.83
+SECONDS_EPISODE, SECONDS_TRACKED, SECONDS_PUT = 0.0035, 0.0047, 2.07
+SECONDS_COPY = 0.0061
+# The same by a million pixels: of an episode, and of each copy; of a moved camera with the draws that gates reject.
+SECONDS_READ, SECONDS_BODIES = 0.059, 0.2
+SECONDS_WRITTEN, SECONDS_COPY_PUT, SECONDS_COPY_FURTHER = 0.074, 0.064, 0.082
+SECONDS_RENDERED = {0: 0.0, 1: 1.44, 3: 2.0, 4: 2.3}
 SECONDS_OUTLINED, SECONDS_GUESSED = (
     0.01,
     1.5,
-)  # an image, a million pixels of color alone: once, and each copy
+)  # an image and a million pixels of color alone: once, and each copy
 SECONDS_FIT = 90.0
 SECONDS_FOUR = 60.0  # more, where something bends
-BYTES_A_PIXEL = 2.3  # rgb, depth and mask as PNG, measured on RLBench episodes
-BYTES_A_COPY = 8000.0  # more: report, states
+GROWN = 0.15  # of the recorded bytes, more, where cameras move
+LOSSY = 2.0  # times the recorded bytes of color alone, which mostly is JPEG: it is written at the best quality
+BYTES_A_COPY = 2000.0  # more: its report
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the edits of a plan come to: how many they are, how many put something down or move it, and the cameras that
+    they move."""
+
+    edits: int = 0
+    put: int = 0
+    moved: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -132,6 +147,7 @@ class Plan:
     device: str = "cpu"
     refined: Mapping[str, Any] = field(default_factory=dict)
     lamps: bool = False
+    work: Work = Work()
 
     @property
     def gaussians(self) -> bool:
@@ -168,20 +184,35 @@ class Plan:
             facts["device"] = {"fits": self.device, "appearance": self.device, "frames": "cpu"}
         return facts | ({"warnings": list(self.warnings)} if self.warnings else {})
 
-    def cost(self, episode: Episode, copies: int) -> dict[str, float]:
-        """Estimated seconds and megabytes of `copies` of an episode, by a worker that runs already."""
-        seconds = SECONDS_EPISODE + SECONDS_COPY * copies
+    @property
+    def start(self) -> float:
+        """Estimated seconds until a worker runs and has loaded what these edits need."""
+        rendered = self.work.put > 0 or max(self.representations.values(), default=0) > 0
+        seconds = SECONDS_START + SECONDS_START_BODIES * self.bodies
+        further = SECONDS_FURTHER * max(0, self.work.edits - 1)
+        return seconds + SECONDS_START_RENDERED * rendered + further
+
+    def cost(self, episode: Episode, copies: int, stored: float = 0.0) -> dict[str, float]:
+        """Estimated seconds and megabytes of `copies` of an episode of which `stored` megabytes are recorded, by a
+        worker that runs already."""
+        work = self.work
+        seconds = SECONDS_EPISODE + SECONDS_COPY * copies + SECONDS_PUT * work.put
         seconds += SECONDS_TRACKED * self.bodies + SECONDS_FIT * self.gaussians
         seconds += SECONDS_FOUR * (4 in self.representations.values())
-        size = copies * BYTES_A_COPY / 1e6
+        each = SECONDS_WRITTEN + SECONDS_COPY_PUT * work.put
+        each += SECONDS_COPY_FURTHER * max(0, work.edits - 1)
         for name, view in episode.views.items():
             megapixels = view.camera.width * view.camera.height * episode.length / 1e6
-            rate = SECONDS[self.representations[name]] + SECONDS[3] * (name in self.blended)
+            anew = name in work.moved or self.tier > 0
+            rate = each + SECONDS_RENDERED[self.representations[name] if anew else 0]
+            rate += SECONDS_RENDERED[3] * (name in self.blended)
             seconds += megapixels * (SECONDS_READ + SECONDS_BODIES * self.bodies + copies * rate)
             if view.depth is None or view.inferred:
                 told = SECONDS_OUTLINED * episode.length + SECONDS_GUESSED * megapixels
                 seconds += told * self.bodies * (1 + copies)
-            size += copies * megapixels * BYTES_A_PIXEL
+        colored = all(view.depth is None for view in episode.views.values())
+        grown = (LOSSY if colored else 1) * (1 + GROWN * bool(work.moved))
+        size = copies * (stored * grown + BYTES_A_COPY / 1e6)
         return {"seconds": seconds, "megabytes": size}
 
 
@@ -201,9 +232,23 @@ def make(operators: Sequence[Operator], episode: Episode, tier: int = 0) -> Plan
     bodies = bool(edited) or wanted or modelled or representation > 0
     parts = tuple(dict.fromkeys(parts))
     lamps = any(map(_asks_for_lamps, operators))
+    moved = frozenset().union(*(_moved(operator, episode) for operator in operators))
+    put = sum(bool(operator.effect & Effect.BODIES) for operator in operators)
+    work = Work(len(operators), put, moved)
     return Plan(
-        tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled, lamps=lamps
+        tier, representations, bodies, _whole(representations), parts=parts, modelled=modelled, lamps=lamps, work=work
     )  # fmt: skip
+
+
+def _moved(operator: Operator, episode: Episode) -> frozenset[str]:
+    """The cameras that an operator moves: all, where it does not say in a field `camera` which."""
+    if not operator.effect & Effect.CAMERA:
+        return frozenset()
+    named = getattr(operator, "camera", None)
+    if named == "static":
+        return frozenset(name for name, view in episode.views.items() if view.camera.fixed)
+    names = episode.views if named is None else [named] if isinstance(named, str) else named
+    return frozenset(episode.views).intersection(names)
 
 
 def check(operator: Operator, scene: Scene) -> None:

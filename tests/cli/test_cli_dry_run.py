@@ -129,12 +129,12 @@ def peak(episodes: int, as_json: bool, monkeypatch: pytest.MonkeyPatch) -> int:
     """Bytes at most while so many are planned."""
     episode = bench.tiny()
     held = SimpleNamespace(
-        adapter=SimpleNamespace(read=lambda *_: episode),
+        adapter=SimpleNamespace(read=lambda *_: episode, episodes=lambda _: [""] * episodes),
         keys=[f"group/episode{number}" for number in range(episodes)],
         copies=range(1, 2),
         makes=lambda _: True,
         recipe=recipe.build(bench.recipe("tiny", "light_color", 1)),
-        source=Path(),
+        source=Path(os.devnull),
         tier=0,
         linked=False,
     )

@@ -54,9 +54,9 @@ def test_bodies_that_were_moved_are_seen_where_they_are_now() -> None:
 def test_the_cost_grows_with_copies_and_tiers() -> None:
     episode = scene(EYES, length=2).episode
     many = plan.make([LightColor()], episode).cost(episode, 10_000)
-    assert many["seconds"] > 100  # reading and writing cost something, however small it is
+    assert many["seconds"] > 50  # reading and writing cost something, however small it is
     cheap = plan.make([LightColor()], episode).cost(episode, 1)
-    assert plan.make([LightColor()], episode).cost(episode, 2)["megabytes"] >= cheap["megabytes"]
+    assert plan.make([LightColor()], episode).cost(episode, 2, 1)["megabytes"] > 2
     assert plan.make([LightColor()], episode, tier=3).cost(episode, 1)["seconds"] > cheap["seconds"]
 
 
