@@ -10,6 +10,7 @@ from pydantic import Field
 
 from rpaug.core.errors import Unsupported
 from rpaug.core.interfaces import Edit, Examples, Needs, Operator
+from rpaug.core.jit import kernel
 from rpaug.core.types import Effect, Relit, Scene, Stacked, Surface
 from rpaug.operators.fields import RGB, Unit
 from rpaug.operators.shadows import NONE
@@ -41,7 +42,7 @@ class Gain:
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
     ) -> Float32[np.ndarray, "n 3"]:
-        lit = np.minimum(color * np.array(self.gain, np.float32), np.float32(1))
+        lit = _scaled(color, np.array(self.gain, np.float32))
         if not self.unlit:
             return lit
         return np.where(np.isin(surface.ids, self.unlit)[:, None], color, lit)
@@ -52,6 +53,17 @@ class Gain:
         from rpaug.operators import stacked  # only here: it brings torch
 
         return stacked.gains(several, device)
+
+
+@kernel
+def _scaled(
+    color: Float32[np.ndarray, "n 3"], gain: Float32[np.ndarray, "3"]
+) -> Float32[np.ndarray, "n 3"]:
+    out = np.empty_like(color)
+    for n in range(len(color)):
+        for k in range(3):
+            out[n, k] = min(color[n, k] * gain[k], np.float32(1))
+    return out
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,7 +105,7 @@ class Textured(Paint):
         if self.smooth is not None:
             lit = surface.lit
             shade = self.smooth.of(shade / np.maximum(lit, 0.02), fitted) * lit
-        return np.clip(new * shade[:, None] + highlight, 0, 1).astype(np.float32)
+        return _laid(new, shade, np.broadcast_to(highlight, color.shape))
 
     @staticmethod
     def stacked(several: Sequence["Textured"], device: Any) -> Stacked:
@@ -126,6 +126,21 @@ class Textured(Paint):
         if self.smooth is not None:
             out[:, 3] = self.smooth.fitted(surface.points, surface.facing)
         return out
+
+
+@kernel
+def _laid(
+    new: Float32[np.ndarray, "n 3"],
+    shade: Float32[np.ndarray, "n"],
+    highlight: Float32[np.ndarray, "n 3"],
+) -> Float32[np.ndarray, "n 3"]:
+    """The new albedo in its shade, and its highlight."""
+    out = np.empty_like(new)
+    for n in range(len(new)):
+        for k in range(3):
+            lit = new[n, k] * shade[n] + highlight[n, k]
+            out[n, k] = min(max(lit, np.float32(0)), np.float32(1))
+    return out
 
 
 @kernel

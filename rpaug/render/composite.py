@@ -62,7 +62,7 @@ def _apply(
     """Edit `color` in place where `inside`, and on the outline by its mixture; the pixels touched."""
     if not antialiased:
         at, flat = np.flatnonzero(inside), color.reshape(-1, 3)
-        flat[at] = _edited(edit, flat.take(at, 0), surfaces(at), at, headroom)
+        _put(flat, at, _edited(edit, flat.take(at, 0), surfaces(at), at, headroom))
         return inside
     share, foreground = matte(color, inside)
     whole, mixed = share == 1, (share > 0) & (share < 1)
@@ -87,6 +87,15 @@ def _edited(
     if not len(color):
         return color
     return headroom.edited(edit, color, surface, at, keep) if headroom else edit(color, surface)
+
+
+@kernel
+def _put(
+    color: Float32[np.ndarray, "p 3"], at: Int[np.ndarray, "n"], edited: Float32[np.ndarray, "n 3"]
+) -> None:
+    for n in range(len(at)):
+        for k in range(3):
+            color[at[n], k] = edited[n, k]
 
 
 @kernel

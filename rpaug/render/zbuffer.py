@@ -237,6 +237,7 @@ def nearness(source: Source) -> Float64[np.ndarray, "h w"]:
 
 
 @kernel
+# Long: one kernel is one function; what its innermost loop needs of a footprint are a score of numbers.
 def _draw(
     near, use, ids, slope, edge, line, lens, pose, home, target, index, first, seen, witness, back, tolerance, nearest,
     rank, source, pixel, won,

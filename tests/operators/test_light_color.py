@@ -7,7 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 from rgb_only_tables import episode
 
 from rpaug import Scene
-from rpaug.operators.light_color import LightColor
+from rpaug.operators.light_color import LightColor, _scaled
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.build import build
 from rpaug.scene.lighting import black_body
@@ -149,3 +149,9 @@ def test_photographs_get_brighter_as_often_as_darker_and_keep_their_whites() -> 
     assert (after == 255).any(-1).mean() < 0.01
     exact = LightColor(range=((0.25, 0.25, 0.25), (0.25, 0.25, 0.25)), recorded=(0.5, 0.5, 0.5))
     assert exact.sample(photographed, np.random.default_rng(0))["gain"] == [0.5, 0.5, 0.5]
+
+
+def test_a_gain_is_its_product_up_to_white():
+    color = np.random.default_rng(0).random((500, 3), np.float32)
+    gain = np.array([0.7, 1.0, 1.9], np.float32)
+    np.testing.assert_array_equal(_scaled(color, gain), np.minimum(color * gain, np.float32(1)))

@@ -17,7 +17,7 @@ from rpaug.core.files import encode_png
 from rpaug.operators.background_texture import BackgroundTexture
 from rpaug.operators.retexture import Retexture
 from rpaug.operators.table_texture import TableTexture
-from rpaug.operators.texturing import Sample
+from rpaug.operators.texturing import Sample, _laid
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.targets.targets import Target
 
@@ -171,3 +171,13 @@ def test_what_cannot_be_textured_says_why() -> None:
         TableTexture().sample(flat, np.random.default_rng(0))
     with pytest.raises(TargetError, match="table"):
         TableTexture().sample(replace(recorded, roles={}), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_texture_is_laid_in_shade_and_keeps_highlights(channels):
+    rng = np.random.default_rng(0)
+    new, shade = rng.random((500, 3), np.float32), 2 * rng.random(500, np.float32) - np.float32(0.2)
+    highlight = np.broadcast_to(rng.random((500, channels), np.float32) / 2, new.shape)
+    expected = np.clip(new * shade[:, None] + highlight, 0, 1)
+    assert {0, 1} < set(expected.ravel())
+    np.testing.assert_array_equal(_laid(new, shade, highlight), expected)

@@ -49,7 +49,8 @@ class KnownPlaces:
             held = self._held.get(id(edit))
             if held is not None:
                 _, known, values = held
-                new, out = np.flatnonzero((slots == 0) | (known[rows] != slots)), values[rows]
+                new = np.flatnonzero((slots == 0) | (known.take(rows) != slots))
+                out = values.take(rows, 0)
         if held is None:
             new, out = np.arange(len(rows)), np.empty((len(rows), 0), np.float32)
         if not len(new):
@@ -341,9 +342,13 @@ def _slots(
     away: Int32[np.ndarray, "k"],
 ) -> Int8[np.ndarray, "n"]:
     out = np.zeros(len(rows), np.int8)
+    last, left = np.int32(0), (away == 0).any()
     for n in range(len(rows)):
         r, c = rows[n] // depth.shape[1], rows[n] % depth.shape[1]
-        if not (ids[r, c] == away).any():
+        if ids[r, c] != last:  # a row has few runs of one id
+            last = ids[r, c]
+            left = (away == last).any()
+        if not left:
             out[n] = 1 + pooled.find(
                 pooled_ids[r, c], pooled_depths[r, c], ids[r, c], depth[r, c], tolerance
             )

@@ -14,6 +14,7 @@ from rpaug.scene.sampled_frames import SampledFrames
 TOUCH = 0.005  # metres beyond what two pixels are apart: nearer surfaces touch
 BESIDE = 0.05  # metres: what is so near may push a thing, where its own contact is hidden
 FAR = 0.10  # metres: gaps beyond it are not measured
+NO_LESS = 1 + 1e-9  # times a square: a greater one has no smaller root, whatever rounding does
 MOST = 200  # points of each of two instances between which a gap is measured
 FEW = 4  # sampled frames that show what touches before the robot did anything, or when it is done
 STEP = 0.005  # metres between sampled frames: the gripper moves that goes farther
@@ -182,14 +183,14 @@ def _void(sampled: SampledFrames, instance_id: int) -> bool:
 def _gaps(sampled: SampledFrames, instance_ids: Sequence[int]) -> Float64[np.ndarray, "s n n"]:
     count = len(instance_ids)
     order = np.argsort(instance_ids)
-    focal = np.broadcast_to(sampled.K[:, 0, 0][:, None, None], sampled.ids.shape[1:])
+    focal = sampled.K[:, 0, 0][:, None, None]
     out = np.full((len(sampled.frames), count, count), np.nan)
     for s in range(len(sampled.frames)):
         apart = np.full((count, count), np.nan)
         _between(
             sampled.ids[s].ravel(),
             sampled.depth[s].ravel(),
-            focal.ravel(),
+            (sampled.depth[s] / focal).ravel(),
             sampled.points[s].reshape(-1, 3),
             np.array(instance_ids, np.int32)[order],
             apart,
@@ -199,8 +200,8 @@ def _gaps(sampled: SampledFrames, instance_ids: Sequence[int]) -> Float64[np.nda
 
 
 @kernel
-def _between(ids, depth, focal, points, instance_ids, out):
-    """Fill the gaps of one frame, (n, n)."""
+def _between(ids, depth, pixel, points, instance_ids, out):
+    """Fill the gaps of one frame, (n, n); `pixel` is the metres that a pixel is wide at its depth."""
     count = len(instance_ids)
     label = np.full(len(ids), -1, np.int32)
     size = np.zeros(count + 1, np.int64)
@@ -245,8 +246,11 @@ def _between(ids, depth, focal, points, instance_ids, out):
                     square = 0.0
                     for axis in range(3):
                         square += (points[i, axis] - points[j, axis]) ** 2
-                    wide = 2 * max(depth[i] / focal[i], depth[j] / focal[j])
-                    best = min(best, np.sqrt(square) - wide)
+                    wide = 2 * max(pixel[i], pixel[j])
+                    if square < NO_LESS * (best + wide) ** 2:  # else the root is greater
+                        best = min(best, np.sqrt(square) - wide)
+                if best <= 0.0:
+                    break
             out[a, b] = out[b, a] = max(best, 0.0)
 
 

@@ -167,3 +167,14 @@ def test_places_that_rest_before_a_fixed_camera_are_asked_about_once() -> None:
         assert np.array_equal(*told)
     assert asked[0] == asked[1]  # nothing is known at first
     assert max(asked[2::2]) < 0.3 * asked[0]  # what moves, and what it uncovers
+
+
+def test_pixels_of_what_moved_show_no_known_place():
+    """Also of instance id 0, and where ids change within a row."""
+    depth, ids = np.ones((4, 6), np.float32), np.array([[0, 0, 1, 2, 2, 1]] * 4, np.int32)
+    held = np.ones((4, 6, 1, 9), np.float32)
+    for away in ([], [0], [2], [0, 1]):
+        found = surface._slots(
+            depth, ids, np.arange(24), ids[..., None], held, 0.01, np.array(away, np.int32)
+        )
+        np.testing.assert_array_equal(found > 0, ~np.isin(ids, away).ravel())

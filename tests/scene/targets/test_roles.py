@@ -16,7 +16,7 @@ from rpaug.core.errors import TargetError
 from rpaug.core.types import Belief, Body, Scene
 from rpaug.scene.build import build
 from rpaug.scene.targets import roles
-from rpaug.scene.targets.observed import Evidence, Thing
+from rpaug.scene.targets.observed import Evidence, Thing, _between
 from rpaug.scene.targets.supports import Ground
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking import bodies
@@ -407,3 +407,22 @@ def test_what_is_pressed_is_manipulated_though_nothing_is_seen_to_move() -> None
     found = build(take.episode, with_bodies=True).roles
     assert {names[h] for h in found["manipulated"]} == {"button"}
     assert {names[h] for h in found["receiver"]} == {"button_base"}
+
+
+def test_gaps_are_those_of_all_pairs_of_points():
+    """Three clusters: the first two 3 cm apart, the third touching the second; the widths of both pixels taken off."""
+    rng = np.random.default_rng(0)
+    ids = np.repeat([1, 2, 3], 60).astype(np.int32)
+    points = (
+        rng.random((180, 3)) * 0.02 + np.array([[0, 0, 0], [0.05, 0, 0], [0.069, 0, 0]])[ids - 1]
+    )
+    pixel = 0.0005 + 0.001 * rng.random(180)
+    gaps = np.full((3, 3), np.nan)
+    _between(ids, np.ones(180, np.float32), pixel, points, np.array([1, 2, 3], np.int32), gaps)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    apart -= 2 * np.maximum(pixel[:, None], pixel[None])
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        expected = max(0.0, apart[ids == a + 1][:, ids == b + 1].min())
+        np.testing.assert_allclose([gaps[a, b], gaps[b, a]], expected, rtol=1e-12)
+    assert 0.02 < gaps[0, 1] < 0.05
+    assert gaps[1, 2] == 0
