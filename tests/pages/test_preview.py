@@ -114,7 +114,8 @@ def test_a_dataset_that_is_being_written_is_named(
         given = ["preview", str(root), "--out", str(tmp_path / "p.html"), "--draws", "1"]
         done = CliRunner().invoke(app, [*given, "--frames", "1"])
         assert "is being written" in done.stderr
-        assert held((tmp_path / "p.html").read_bytes())["notes"] == [note]
+        (told,) = held((tmp_path / "p.html").read_bytes())["notes"]
+        assert f"process {os.getpid()}" in told  # for how many minutes differs
     (root / journal.NAME).write_text("{}\n")
     assert "has not ended" in preview.unfinished(root)[0]
 
