@@ -97,9 +97,10 @@ def _opening(
     folder: Path, tracks: Mapping[str, Float64[np.ndarray, "t k"]]
 ) -> Float64[np.ndarray, "t"] | None:
     """How far the gripper is open, in datasets whose layout is public; None where no file or name tells."""
+    called = shards.called(folder)
     for name, (key, column) in OPENINGS.items():
         track = tracks.get(key)
-        if folder.parent.name.startswith(name) and track is not None and column < track.shape[1]:
+        if called.startswith(name) and track is not None and column < track.shape[1]:
             return np.clip(track[:, column], 0.0, 1.0)
     return None
 

@@ -72,6 +72,14 @@ def info(folder: Path, name: str = INFO) -> dict[str, Any]:
     return described
 
 
+def called(folder: Path) -> str:
+    """The dataset's name: what its description says, else its folder's, `<name>/<version>`. Raises BadInput."""
+    for name in (INFO, PACKING):
+        if (folder / name).is_file():
+            return str(info(folder, name).get("name") or folder.parent.name)
+    return folder.parent.name
+
+
 def splits(folder: Path) -> Mapping[str, Split]:
     """The packed splits of a dataset, or what is packed so far. Raises BadInput."""
     for name in (INFO, PACKING):

@@ -253,6 +253,9 @@ def _print_summary(described: dict[str, Any], lacked: list[str], hint: str) -> N
         warn("painted over", f"{words} (in {copies} of {described['copies']} copies)")
     for words in lacked:
         warn("left out", words)
+    if count := described["as_recorded"]:
+        words = f"{count} of {counted(described['copies'], 'copy')}: all that was drawn for them was left out"
+        warn("as recorded", words)
     for keys, reason in alike(described["rejected"]):
         more = f" (and {counted(len(keys) - 1, 'other copy')} alike)" if keys[1:] else ""
         warn("rejected", f"{keys[0]}{more}: {reason}")

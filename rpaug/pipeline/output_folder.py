@@ -189,7 +189,10 @@ def write_card(run: Run, held: Journal) -> None:
     given = card.text(
         run.source,
         run.adapter.name,
-        ((key, one.source, one.copy != ORIGINAL) for key, one in held.made.of("")),
+        (
+            (key, line["source"], line["copy"] != ORIGINAL and not line["facts"].get("unedited"))
+            for key, line in journal.facts(run.target, held.made.of(""))
+        ),
         recipe=run.recipe.source,
         rejected=held.made.count(REJECTED),
         licence=run.licence,

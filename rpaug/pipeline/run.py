@@ -133,6 +133,7 @@ class Summary:
     """What a run came to, over all that is in the output folder now."""
 
     copies: int = 0
+    as_recorded: int = 0  # of them: what their edits are made of is lacking, and nothing differs
     resumed: int = 0
     failures: dict[str, str] = field(default_factory=dict)
     rejected: dict[str, str] = field(default_factory=dict)  # by key in that folder: why
@@ -175,8 +176,9 @@ class Summary:
     @property
     def exit_code(self) -> int:
         """0: all done; 1: some episodes were skipped, or copies rejected, or an edit without a probability is in no
-        copy, or the recipe's `on_missing: fail` ended the run; 2: nothing was made."""
-        if not (self.failures or self.aborted or self.rejected or self.unmet):
+        copy or all copies are as recorded, or the recipe's `on_missing: fail` ended the run; 2: nothing was made."""
+        empty = self.copies and self.as_recorded == self.copies
+        if not (self.failures or self.aborted or self.rejected or self.unmet or empty):
             return 0
         return 1 if self.copies or self.rejected or self.missing else 2
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from rpaug.core import splits
 from rpaug.pipeline import plan, report, role_facts
+from rpaug.pipeline.copies import ORIGINAL
 from rpaug.pipeline.recipe import Option, Recipe, Step
 from rpaug.pipeline.run import Run, Summary, alike, group_of
 
@@ -26,6 +27,7 @@ def facts(described: Mapping[str, Any], recipe: Recipe) -> dict[str, Any]:
         "painted_over": [
             words for draw in described["draws"] for words in draw.get("painted_over", ())
         ],
+        "unedited": described["copy"] != ORIGINAL and not described["synthetic"],
         "roles": described.get("roles"),
         "warnings": described["plan"].get("warnings"),
         "faults": (described.get("gates") or {}).get("faults"),
@@ -63,6 +65,8 @@ def add_up(
     for _, line in kept:
         found = add(line, True)
         summary.copies += 1
+        lacking = any(left_out for _, _, left_out, _ in found.get("draws", ()))
+        summary.as_recorded += lacking and found.get("unedited", False)
         if "warnings" in found:
             summary.warnings[line["source"]] = list(found["warnings"])
         for words in found.get("painted_over", ()):

@@ -117,7 +117,7 @@ def side_files(
     return report.side_files(
         source=source,
         copy=copy,
-        synthetic=copy != ORIGINAL,
+        synthetic=copy != ORIGINAL and _edited(made),
         recipe=dict(recipe),
         draws=[draw.describe() for draw in made.draws],
         repainted=made.repainted,
@@ -131,6 +131,11 @@ def side_files(
         physics=verdict.described(made.scene.simulated),
         seconds={**seconds, "draw": made.seconds, **spent},
     )
+
+
+def _edited(made: Made) -> bool:
+    """Whether a copy differs from its recording: edits may be left out, or not drawn."""
+    return any(made.tally.changed.values()) or _words(made) is not None
 
 
 def _words(made: Made) -> dict[str, Any] | None:

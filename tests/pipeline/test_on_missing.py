@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 from rpaug_adapters.rlbench import RLBench
 from runs import GROUP, augment, contents
 
@@ -15,13 +16,17 @@ import rpaug
 from rpaug.core.errors import Missing, TargetError
 from rpaug.core.files import REJECTED
 from rpaug.core.types import Scene
-from rpaug.pipeline import copies, prepare, recipe, report
+from rpaug.pipeline import card, copies, prepare, recipe, report
 from rpaug.pipeline.verify import verify
 from rpaug.scene.build import build
 from rpaug.training import AugmentedEpisodes
 
 NOWHERE = {"op": "recolor", "target": {"handle": 4711}, "color": "red"}
 LIGHT = {"op": "light_color", "range": [[0.1] * 3, [0.5] * 3]}
+
+
+def header(target: Path) -> dict[str, Any]:
+    return dict(yaml.safe_load((target / card.NAME).read_text().split("---\n")[1]))
 
 
 def asked(*edits: dict[str, Any], **keys: Any) -> recipe.Recipe:
@@ -48,6 +53,25 @@ def test_what_is_left_out_shifts_no_other_draw(scene: Scene) -> None:
             assert drawn[0][1] == drawn[1][1]
             # What was not drawn is not said to be missing.
             assert bool(drawn[0][0].edit) == bool(drawn[1][0].left_out)
+
+
+def test_a_copy_that_shows_what_was_recorded_is_not_called_synthetic(
+    template: Path, tmp_path: Path
+) -> None:
+    """Copies of which nothing could be made were duplicates, called synthetic, with exit code 0."""
+    rare = {**NOWHERE, "probability": 0.999}, {**LIGHT, "probability": 0.001}
+    empty = augment(template, asked(*rare, copies=2), tmp_path / "empty")
+    assert (empty.copies, empty.as_recorded, empty.exit_code) == (4, 4, 1)
+    assert header(tmp_path / "empty")["episodes"] == {"recorded": 4, "synthetic": 0}
+    some = augment(
+        template, asked(NOWHERE, {**LIGHT, "probability": 0.5}, copies=4), tmp_path / "some"
+    )
+    keys = RLBench().episodes(tmp_path / "some")
+    given = [json.loads((tmp_path / "some" / key / report.NAME).read_bytes()) for key in keys]
+    edited = ["edit" in one["draws"][1] for one in given]
+    assert [one["synthetic"] for one in given] == edited
+    assert some.as_recorded == edited.count(False)
+    assert 0 < edited.count(True) < len(keys)
 
 
 def test_what_is_left_out_is_a_line_in_report_and_summary(template: Path, tmp_path: Path) -> None:

@@ -203,6 +203,16 @@ def test_cameras_are_stand_ins_unless_told(tmp_path: Path) -> None:
     assert episode.robot.gripper_open is not None
 
 
+def test_a_dataset_is_called_what_it_says_whatever_its_folder(tmp_path: Path) -> None:
+    """Copies of Bridge in another folder lost their gripper, and `verify` called them bad."""
+    folder = tmp_path / "augmented" / "1.0.0"
+    folder.mkdir(parents=True)
+    assert shards.called(folder) == "augmented"
+    described = {"name": "bridge_dataset", "splits": []}
+    (folder / shards.INFO).write_text(json.dumps(described))
+    assert shards.called(folder) == "bridge_dataset"
+
+
 @pytest.mark.parametrize(("name", "metres"), [("depth", 0.001), ("far", 1.0), ("near", 1.0)])
 def test_depth_comes_back_as_it_was_written(tmp_path: Path, name: str, metres: float) -> None:
     root = calibrated(dataset(tmp_path / "in"), f"observation/{name}", metres)
