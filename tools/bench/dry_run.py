@@ -113,7 +113,7 @@ def table(found: dict[str, dict[str, float]], runs: int) -> pages.Table:
         worst = [max(pair) for pair in zip(worst, far, strict=True)]
         use = "set" if is_set(name, edit, int(copies)) else "judged"
         stated = [one["said_s"], one["processor_s"], far[0], one["said_mb"], one["mb"], far[1]]
-        rows.append([row, use, *stated])
+        rows.append([row.replace(", ", "/"), use, *stated])
     seconds, size = (
         {"value": str(off), "target": f"<= {most}"} for off, most in zip(worst, MOST, strict=True)
     )
@@ -124,7 +124,7 @@ def table(found: dict[str, dict[str, float]], runs: int) -> pages.Table:
         command="python tools/bench/dry_run.py --recordings RECORDINGS",
         seeds=f"least of {runs} runs each, start included",
         columns=[
-            "episodes, edit, copies of each", "model", "said, s", "taken, processor s", "s off, %",
+            "episodes/edit/copies", "model", "said, s", "taken, processor s", "s off, %",
             "said, MB", "taken, MB", "MB off, %",
         ],
         rows=rows,
