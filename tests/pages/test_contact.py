@@ -73,6 +73,8 @@ def test_each_shown_frame_says_how_much_of_it_changed() -> None:
 
     words = contact._by_frame(view, replace(view, rgb=edited), range(3))
     assert words == "frame 0: unchanged, frame 1: 50 %, frame 2: under 1 %"
+    coded = replace(view, rgb=lambda t: view.rgb(t) ^ 1)  # a file's own error, a level everywhere
+    assert contact._by_frame(view, coded, range(1)) == "frame 0: under 1 %"
 
 
 def test_a_recorded_episode_is_read_once_for_its_copies(tmp_path: Path) -> None:
