@@ -4,17 +4,18 @@ Surfaces are the pixels of a few frames, carried along with their bodies. Walls 
 inside the room. A pixel is a small disc across its normal, so that a surface does not shade itself.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, Int64
+from jaxtyping import Float32, Float64, Int32, Int64, UInt8
 
 from rpaug.core import geometry, sampling
 from rpaug.core.jit import kernel
 from rpaug.core.memo import once
-from rpaug.core.types import Camera, CameraView, Episode, Mesh, Scene
+from rpaug.core.types import Body, Camera, CameraView, Episode, Mesh, Scene
 from rpaug.scene.recorded import pooled, surface
 
 FRAMES = 6
@@ -94,15 +95,29 @@ def _placed(pose: Float64[np.ndarray, "4 4"], discs: Discs) -> Discs:
     return Discs(points, discs.normals @ turn, discs.width)
 
 
-@once
 def casters(scene: Scene) -> Casters:
-    """Those of the recorded scene, a `memo.bare` one."""
-    tracks = {one: body.to_world for body in scene.tracked for one in body.instance_ids}
-    still = np.broadcast_to(np.eye(4), (scene.episode.length, 4, 4))
-    walls = np.array(sorted(scene.roles.get("background", ())), np.int32)
+    """Those of the recorded scene, a `memo.bare` one: the same whatever colors its images have."""
+    shapes = tuple((view.camera, view.depth, view.ids) for view in known(scene.episode))
+    return _casters(shapes, tuple(scene.tracked), frozenset(scene.roles.get("background", ())))
+
+
+def _colorless(t: int) -> UInt8[np.ndarray, "h w 3"]:
+    raise AssertionError("shapes are asked for alone")
+
+
+@once
+def _casters(
+    shapes: tuple[tuple[Camera, Callable[[int], Any], Callable[[int], Any]], ...],
+    tracked: tuple[Body, ...],
+    walls: frozenset[int],
+) -> Casters:
+    tracks = {one: body.to_world for body in tracked for one in body.instance_ids}
+    views = [CameraView(camera, _colorless, depth, ids) for camera, depth, ids in shapes]
+    length = len(views[0].camera.cam_to_world) if views else 0
+    still = np.broadcast_to(np.eye(4), (length, 4, 4))
     found: dict[int, tuple[np.ndarray, list[Discs]]] = {}
-    for t in sampling.frames(scene.episode.length, FRAMES):
-        for view in known(scene.episode):
+    for t in sampling.frames(length, FRAMES) if views else ():
+        for view in views:
             ids, discs = discs_of(view, t, every(view))
             for one in np.unique(ids).tolist():
                 if one == 0 or one in walls:

@@ -1,9 +1,12 @@
 """What a lamp reaches of a floor under a small plate."""
 
+from dataclasses import replace
+
 import numpy as np
+from analytic import BALL, EYES, scene
 
 from rpaug.core.types import Mesh
-from rpaug.scene.lighting import casting
+from rpaug.scene.lighting import casting, rig
 
 
 def plate(height, side, step=0.005):
@@ -101,3 +104,19 @@ def test_the_cross_product_is_numpys():
     rng = np.random.default_rng(0)
     for one, other in rng.normal(size=(20, 2, 3)):
         assert casting.crossed(one, other).tobytes() == np.cross(one, other).tobytes()
+
+
+def test_what_casts_is_found_once_whatever_colors_images_have() -> None:
+    """Under cast shadows and highlights it was found anew for each image: scenes with and without highlights ask by
+    turns."""
+    recorded = rig.recorded(scene(EYES, length=2))
+    views = {
+        name: replace(view, rgb=lambda t, view=view: view.rgb(t) // 2)
+        for name, view in recorded.episode.views.items()
+    }
+    dim = replace(recorded, episode=replace(recorded.episode, views=views))
+    first = casting.casters(recorded)
+    assert casting.casters(dim) is first
+    assert casting.casters(recorded) is first
+    moved = replace(recorded, roles={"background": frozenset([BALL])})
+    assert casting.casters(moved) is not first
