@@ -129,3 +129,9 @@ def _named(path: Path) -> set[str]:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
             return {str(ast.literal_eval(one)) for one in getattr(node.value, "elts", [])}
     return set()
+
+
+def test_test_files_have_names_of_their_own() -> None:
+    """pytest imports them by their base names: of two alike it runs one."""
+    names = Counter(path.name for path in (ROOT / "tests").rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
