@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32, UInt8
 
 from rpaug.core import geometry, memo
+from rpaug.core.image_cache import shelved
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import casting, rig
 from rpaug.scene.lighting.two_views import SeenTwice, exposed, seen_twice
@@ -36,6 +37,7 @@ SPREAD = 0.02  # of white: misfits beyond are robbed of weight
 PASSES = 4
 COLORED = 0.2  # radians from white: a color that is told from it
 DIM = 1e-3  # cosine of what faces away
+MOST_BYTES = 64 << 20  # of images without highlights that are kept
 
 Logs = tuple[Float32[np.ndarray, "n"], Float32[np.ndarray, "n"]]
 
@@ -197,7 +199,7 @@ def _matte(scene: Scene) -> Episode:
         name: replace(view, rgb=partial(rgb, view)) if view.depth and view.ids else view
         for name, view in scene.episode.views.items()
     }
-    return replace(scene.episode, views=views)
+    return shelved(replace(scene.episode, views=views), MOST_BYTES)
 
 
 def seen_by(scene: Scene, view: CameraView, t: int) -> Callable[..., Any] | None:
