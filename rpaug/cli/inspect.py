@@ -107,6 +107,8 @@ def inspect(
         ids = ", ".join(map(str, one["handles"])) or "none"
         why = "".join(f"; {reason}" for reason in one["reasons"])
         say(f"{role}: {ids}{sure(one)}{why}")
+    for words in described["light"]:
+        say(f"light: {words}")
     say(
         f"{'handle':>8}  {'role':12}{'color':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )

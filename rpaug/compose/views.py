@@ -140,11 +140,10 @@ def _bases(
         if not matte:
             return partial(_surfels, near, surfels.build(near, kept() if kept else None))
         if cast is not None:
-            bare = shelved(cast.recorded)
-            known = _evenly_lit(rig.recorded(scene), cast.relit.recorded)
+            bare, known = cast.recorded, _evenly_lit(rig.recorded(scene), cast.relit.recorded)
         else:
             bare, known = highlights.matte(scene), _matte(rig.recorded(scene))
-        base = replace(scene, episode=bare)
+        base = replace(scene, episode=shelved(bare))
         return partial(_surfels, base, surfels.build(base, known))
 
     return drawn
@@ -160,7 +159,7 @@ def _evenly_lit(recorded: Scene, lamps: Rig) -> surfels.Surfels:
 @once
 def _matte(recorded: Scene) -> surfels.Surfels:
     """The same without highlights."""
-    return surfels.recorded(replace(recorded, episode=highlights.matte(recorded)))
+    return surfels.recorded(replace(recorded, episode=shelved(highlights.matte(recorded))))
 
 
 def _as_recorded(view: CameraView, recorded: CameraView) -> CameraView:

@@ -13,6 +13,7 @@ from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
 from rpaug.providers.models_settings import Models
 from rpaug.scene.instances import rgb_episode
+from rpaug.scene.lighting import beliefs
 from rpaug.scene.targets.roles import NAMES
 from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.targets.survey import InstanceSummary, survey
@@ -58,6 +59,7 @@ def inspect(
     told(episode.key, "measuring instances")
     rows = survey(scene.episode, scene.bodies, scene.roles)
     described["roles"] = role_facts.describe(scene)
+    described["light"] = beliefs.described(scene)
     described["antialiased"] = scene.antialiased
     described["instances"] = [_described(row) for row in rows]
     return described, rows, scene.episode

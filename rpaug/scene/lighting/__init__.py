@@ -3,6 +3,7 @@
 __all__ = [
     "albedo",
     "ambience",
+    "beliefs",
     "black_body",
     "casting",
     "gamut",

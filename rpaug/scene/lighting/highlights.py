@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int, Int32, UInt8
 
 from rpaug.core import geometry, memo
-from rpaug.core.image_cache import shelved
+from rpaug.core.image_cache import held
 from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.scene.lighting import casting, rig
 from rpaug.scene.lighting.two_views import SeenTwice, exposed, seen_twice
@@ -141,25 +141,46 @@ def find(scene: Scene) -> Highlights | None:
     Never in photographs, whose cameras see colors each in its own way, nor where light beyond white is known, whose
     sources lay their pictures over highlights too.
     """
-    return _find(rig.recorded(scene))
+    return _find(rig.recorded(scene)).highlights
+
+
+def told(scene: Scene) -> tuple[float, float]:
+    """Of places, the share that looks different from elsewhere, and of that difference the share that the likeliest
+    lamps explain, 0..1."""
+    found = _find(rig.recorded(scene))
+    return found.differ, found.explained
+
+
+@dataclass(frozen=True)
+class _Sought:
+    """What `told` says, and the highlights if they are believed."""
+
+    differ: float = 0.0
+    explained: float = 0.0
+    highlights: Highlights | None = None
 
 
 @memo.last
-def _find(scene: Scene) -> Highlights | None:
+def _find(scene: Scene) -> _Sought:
     episode = scene.episode
     if any(view.inferred or view.radiance is not None for view in episode.views.values()):
-        return None
+        return _Sought()
     places = seen_twice(episode, list(casting.known(episode)))
     if places is None or len(places.ids) < FEW:
-        return None
-    if (np.abs(places.difference.mean(1)) > ALIKE).mean() <= OFTEN:
-        return None
+        return _Sought()
+    differ = float((np.abs(places.difference.mean(1)) > ALIKE).mean())
+    if differ <= OFTEN:
+        return _Sought(differ)
     seen = rig.find(scene)
     along = () if seen is None else seen.directions
     reached = _reached_places(scene, places, along)
     step = max(1, len(places.ids) // MANY)
-    lamps = _MirrorFitter(places.every(step), [one[::step] for one in reached]).fitted(along)
-    return None if lamps is None else Highlights(lamps, _finishes(places, lamps, reached), along)
+    lamps, explained = _MirrorFitter(places.every(step), [one[::step] for one in reached]).fitted(
+        along
+    )
+    if lamps is None or explained < EXPLAINED:
+        return _Sought(differ, explained)
+    return _Sought(differ, explained, Highlights(lamps, _finishes(places, lamps, reached), along))
 
 
 def metallic(scene: Scene, instance_id: int, albedo: tuple[float, float, float]) -> bool:
@@ -187,7 +208,9 @@ def matte(scene: Scene) -> Episode:
 
 @memo.last
 def _matte(scene: Scene) -> Episode:
-    def rgb(view: CameraView, t: int) -> UInt8[np.ndarray, "h w 3"]:
+    @partial(held, most=MOST_BYTES)
+    def rgb(name: str, t: int) -> UInt8[np.ndarray, "h w 3"]:
+        view = scene.episode.views[name]
         rows = np.arange(view.camera.height * view.camera.width)
         ids, places = casting.discs_of(view, t, rows)
         mirrored = on(scene, view, t, places.points, places.normals, ids)
@@ -196,10 +219,10 @@ def _matte(scene: Scene) -> Episode:
         return np.clip(np.rint(view.rgb(t) - shine), 0, 255).astype(np.uint8)
 
     views = {
-        name: replace(view, rgb=partial(rgb, view)) if view.depth and view.ids else view
+        name: replace(view, rgb=partial(rgb, name)) if view.depth and view.ids else view
         for name, view in scene.episode.views.items()
     }
-    return shelved(replace(scene.episode, views=views), MOST_BYTES)
+    return replace(scene.episode, views=views)
 
 
 def seen_by(scene: Scene, view: CameraView, t: int) -> Callable[..., Any] | None:
@@ -304,8 +327,8 @@ class _MirrorFitter:
         self._value = places.difference.mean(1).astype(float)
         self._eyes = _eyes(places)
 
-    def fitted(self, along: tuple[casting.Direction, ...] = ()) -> Lamps | None:
-        """None if they explain less than half of what looks different however long each camera exposes.
+    def fitted(self, along: tuple[casting.Direction, ...] = ()) -> tuple[Lamps | None, float]:
+        """The lamps, and the share that they explain of what looks different however long each camera exposes, 0..1.
 
         Lamps that cast shadows `along` some directions are those that are mirrored.
         """
@@ -314,13 +337,13 @@ class _MirrorFitter:
         else:
             lamps, exponent, strengths = self._sought()
         if not lamps:
-            return None
+            return None, 0.0
         terms = self._terms([self._logs(one) for one in lamps], exponent)
         off = np.abs(self._value - np.stack(terms, 1) @ strengths)
-        if off.sum() > (1 - EXPLAINED) * np.abs(exposed(self._places)).sum():
-            return None
+        left = off.sum() / max(np.abs(exposed(self._places)).sum(), 1e-9)
         directions = tuple((float(x), float(y), float(z)) for x, y, z in np.round(lamps, 5))
-        return Lamps(directions, tuple(np.round(strengths, 5).tolist()), round(exponent, 3))
+        found = Lamps(directions, tuple(np.round(strengths, 5).tolist()), round(exponent, 3))
+        return found, max(1 - float(left), 0.0)
 
     def _known(
         self, lamps: list[np.ndarray]

@@ -72,7 +72,12 @@ def shadows_wander(episode: Episode) -> bool:
 
 
 def _often(fell: "Sequence[_Darkened]") -> bool:
-    return sum(len(one.rows) for one in fell) > OFTEN * sum(one.seen for one in fell)
+    return _share(fell) > OFTEN
+
+
+def _share(fell: "Sequence[_Darkened]") -> float:
+    """Of what rests, the share that grows darker for a time."""
+    return sum(len(one.rows) for one in fell) / max(sum(one.seen for one in fell), 1)
 
 
 def nearest_at(lamps: Rig, direction: Float64[np.ndarray, "3"]) -> Rig:
@@ -145,13 +150,27 @@ def recorded(scene: Scene) -> Scene:
     )
 
 
-@memo.last
+def told(scene: Scene) -> tuple[float, float]:
+    """Of what rests, the share that a shadow passes over, and of what grows darker there, the share that the likeliest
+    lamps explain, 0..1."""
+    return (
+        (_share(_fell(recorded(scene))), _likeliest(recorded(scene))[1])
+        if scene.bodies
+        else (0.0, 0.0)
+    )
+
+
 def _find(scene: Scene) -> Rig | None:
+    lamps, explained = _likeliest(scene)
+    return lamps if explained >= EXPLAINED else None
+
+
+@memo.last
+def _likeliest(scene: Scene) -> tuple[Rig | None, float]:
+    """The lamps that explain most of what grows darker, and how much of it: None where no shadow wanders."""
     fell = _fell(scene)
-    if not _often(fell):
-        return None
-    found = _Fitter(scene, _sample(scene, fell)).fitted()
-    return None if found is None or _explained(scene, fell, found) < EXPLAINED else found
+    found = _Fitter(scene, _sample(scene, fell)).fitted() if _often(fell) else None
+    return found, 0.0 if found is None else _explained(scene, fell, found)
 
 
 @memo.last

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from rpaug.operators.light_direction import LightDirection
 from rpaug.operators.remove import Remove
 from rpaug.pipeline.contracts import shown
 from rpaug.scene.build import build
-from rpaug.scene.lighting import albedo, highlights, intrinsic, shading
+from rpaug.scene.lighting import albedo, casting, highlights, intrinsic, rig, shading
 from rpaug.scene.targets.targets import Target
 from rpaug.twin.look import RIG, TwinLamp
 
@@ -39,6 +40,16 @@ def shining(color=(1.0, 1.0, 1.0)) -> Scene:
         return np.clip(np.rint(lit), 0, 255).astype(np.uint8), depth, ids
 
     return seen_by(plain, paint)
+
+
+def test_images_without_highlights_are_made_once_and_leave_what_casts_known():
+    seen = shining((1.0, 0.6, 0.2))
+    bare = highlights.matte(seen)
+    made = {name: view.rgb(0) for name, view in bare.views.items()}
+    assert any((seen.episode.views[name].rgb(0) != one).any() for name, one in made.items())
+    assert all(bare.views[name].rgb(0) is one for name, one in made.items())
+    known = casting.casters(rig.recorded(seen))
+    assert casting.casters(rig.recorded(replace(seen, episode=bare))) is known
 
 
 def test_metals_mirror_in_a_color_of_their_own():
