@@ -138,7 +138,7 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         (
             k
             for k, one in enumerate(wish.edits)
-            if one.get("op") == "light_color" and "range" in one
+            if one.get("op") == "light_color" and one.keys() & {"range", "temperature"}
         ),
         None,
     )
@@ -150,9 +150,7 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         raise NotUnderstood(f"{clause.text!r}: what about the light?")
     clause.every("paint")
     ends = [[RECORDED * one for one in _unit(warm, cool)]]
-    if kelvin:
-        ends = [_kelvin(one) for one in (kelvin[0].low, kelvin[0].high)]
-    elif color:
+    if color:
         ends = [[RECORDED * (0.5 + 0.5 * v) for v in rgb(one)] for one in color.value]
         if clause.has("color"):
             raise NotUnderstood(f"{clause.text!r}: one color of light, or `either ... or ...`")
@@ -161,6 +159,10 @@ def _level(clause: Clause, wish: Wish) -> Meant:
     low, high = (factor, factor) if factor else _factors(clause, shares, less, more, mild)
     if shares and compared and shares[0].high < 1:
         low, high = sorted(1 + (-one if less else one) for one in (shares[0].low, shares[0].high))
+    if kelvin:
+        edit: Entry = {"op": "light_color", "temperature": [kelvin[0].low, kelvin[0].high]}
+        edit |= {"brightness": [tidy(low), tidy(high)]} if (low, high) != (1, 1) else {}
+        return Meant(edits=(edit,), mention=LIGHT)
     if (
         not shares
         and not more
@@ -194,15 +196,22 @@ def _relative(
     """Darker, brighter, warmer or cooler than the light that was asked for before."""
     step = 1.15 if mild else 1.35
     level = 1 / step if less else step if more else 1.0
-    tone = (1.06, 1.0, 0.85) if warm else (0.9, 1.0, 1.06) if cool else (1.0, 1.0, 1.0)
-    drawn = [
-        [tidy(min(1.0, v * level * t)) for v, t in zip(end, tone, strict=True)]
-        for end in edit["range"]
-    ]
     note = "compared with the light that was asked for before"
-    return Meant(
-        edits=({**edit, "range": drawn},), mention=LIGHT, notes=(note,), replaces=(number,)
-    )
+    if "temperature" in edit:
+        tint = 0.85 if warm else 1.18 if cool else 1.0
+        new: Entry = {
+            "temperature": [tidy(tint * one) for one in edit["temperature"]],
+            "brightness": [tidy(level * one) for one in edit.get("brightness", (1.0, 1.0))],
+        }
+    else:
+        tone = (1.06, 1.0, 0.85) if warm else (0.9, 1.0, 1.06) if cool else (1.0, 1.0, 1.0)
+        new = {
+            "range": [
+                [tidy(min(1.0, v * level * t)) for v, t in zip(end, tone, strict=True)]
+                for end in edit["range"]
+            ]
+        }
+    return Meant(edits=({**edit, **new},), mention=LIGHT, notes=(note,), replaces=(number,))
 
 
 def _factors(
@@ -225,25 +234,6 @@ def _factors(
     if (less or more) and not absolute and high < 1:
         return (1 - high, 1 - low) if less else (1 + low, 1 + high)
     return low, high
-
-
-def _kelvin(kelvin: float) -> list[float]:
-    """The lamps' color at a color temperature: Krystek 1985 gives the chromaticity, linear sRGB of the same brightness.
-
-    Raises NotUnderstood outside 1000 to 15000 K, where the formula holds.
-    """
-    if not 1000 <= kelvin <= 15000:
-        raise NotUnderstood(f"{kelvin:g} K: color temperatures are within 1000..15000")
-    u = (0.860117757 + 1.54118254e-4 * kelvin + 1.28641212e-7 * kelvin**2) / (
-        1 + 8.42420235e-4 * kelvin + 7.08145163e-7 * kelvin**2
-    )
-    v = (0.317398726 + 4.22806245e-5 * kelvin + 4.20481691e-8 * kelvin**2) / (
-        1 - 2.89741816e-5 * kelvin + 1.61456053e-7 * kelvin**2
-    )
-    x, y = 3 * u / (2 * u - 8 * v + 4), 2 * v / (2 * u - 8 * v + 4)
-    linear = color_space.FROM_XYZ @ [x / y, 1.0, (1 - x - y) / y]
-    white = color_space.np.array([max(float(one), 0.0) for one in linear / linear.max()])
-    return [tidy(RECORDED * float(one)) for one in color_space.from_linear(white)]
 
 
 def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:

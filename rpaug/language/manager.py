@@ -41,7 +41,7 @@ def answer(wish: Wish, recording: Recording | None = None) -> Answer:
     words, nouns = tokens.split(wish.stated), _nouns(wish)
     mended, notes = repair.repaired(words, tokens.known(wish.setting.cameras) | nouns)
     try:
-        return _answer(wish, mended, nouns, notes, recording)
+        return _answer(wish, _grounds(mended, notes), nouns, notes, recording)
     except RpaugError:
         if mended == words:
             raise
@@ -60,6 +60,17 @@ def _nouns(wish: Wish) -> frozenset[str]:
     return frozenset(re.findall(r"[a-z]+", " ".join(stated).lower())) | {
         one.name for one in library.assets()
     }
+
+
+def _grounds(words: list[str], notes: list[str]) -> list[str]:
+    """The words without grounds of an order, "it is dark in the evening, so dim the lamps", which are told."""
+    for at, word in enumerate(words[:-1]):
+        start = max((k + 1 for k in range(at) if words[k] == ";"), default=0)
+        led = [one for one in words[start:at] if one not in (",", "and")]
+        if word == "so" and words[at + 1] in ORDERS and led and led[0] not in ORDERS:
+            notes.append(f"{' '.join(words[start:at])!r} is taken as a reason, not as an edit")
+            return _grounds([*words[:start], *words[at + 1 :]], notes)
+    return words
 
 
 def _answer(
@@ -242,7 +253,7 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
             Token("not", "except"),
             *alone,
         ]
-    elif (kept := rest.kept(read)) is not None:
+    elif (kept := _kept(read, whole, state)) is not None:
         state.kept += kept
         state.namer.kept += [one.value for one in kept if one.kind == "thing"]
         return None
@@ -261,6 +272,17 @@ def _clause(read: list[Token], state: WishState, nouns: frozenset[str]) -> None:
             raise
         return _told(why, state)
     return gathering.take(found, share, state, bare)
+
+
+def _kept(read: list[Token], whole: list[Token], state: WishState) -> list[Token] | None:
+    """What must stay as it is; nothing in a reason, "it looks way too clean in there". Raises NotUnderstood."""
+    try:
+        return rest.kept(read)
+    except NotUnderstood:
+        if (why := rest.reason(whole, state.fresh, state.namer, sure=False)) is None:
+            raise
+        _told(why, state)
+        return []
 
 
 def _earlier(read: list[Token], state: WishState) -> bool:

@@ -33,6 +33,7 @@ PARTS: Mapping[str, float] = {
 }  # fmt: skip
 SPOKEN = "|".join(map(re.escape, sorted({*NUMBERS, *PARTS}, key=len, reverse=True)))
 NUMBER = rf"(?:-?(?:\d+(?:\.\d+)?|\.\d+)|(?:{SPOKEN})(?![a-z]))"
+SOME = (2.0, 5.0)  # units that "a few centimeters" are
 UNITS: Mapping[str, tuple[str, float]] = {
     word: (kind, factor)
     for words, kind, factor in (
@@ -170,6 +171,9 @@ def _unit(words: Sequence[str], at: int) -> int:
 
 def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
     """How many words an amount takes, its kind ("length", "share", "number", ...) and value; None for none."""
+    if list(words[at : at + 1]) == ["some"] and (step := _unit(words, at + 1)):
+        of, factor = UNITS[words[at + step]]
+        return 1 + step, of, Amount(*(tidy(one * factor) for one in SOME), "range")
     k, how, between = at, "", False
     while phrase := longest(words, k, HOW):
         between |= HOW[phrase] == "from"

@@ -128,10 +128,9 @@ def _jittered(
         notes.append("which way it turns was not said: it turns about any axis, up to that angle")
     elif any(one.how == "exact" for one in lengths) and moved:
         raise NotUnderstood(f"{clause.text!r}: which way, and how far?")
-    edit: Entry = {"shift": lengths[0].high if lengths else 0} if lengths or angles else {}
-    if angles or (lengths and lengths[0].how == "about"):
-        edit["turn"] = angles[0].high if angles else 0
-    return edit
+    if not (lengths or angles):
+        return {}
+    return {"shift": lengths[0].high if lengths else 0, "turn": angles[0].high if angles else 0}
 
 
 def _posed(

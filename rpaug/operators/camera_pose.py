@@ -56,7 +56,7 @@ class CameraPose(Operator):
     }
     phrases: ClassVar[tuple[str, ...]] = ("jitter {camera} [by up to {shift:length}]",)
     examples: ClassVar[Examples] = (
-        ("jitter all fixed cameras by up to 3 cm", {"camera": "static", "shift": 0.03}),
+        ("jitter all fixed cameras by up to 3 cm", {"camera": "static", "shift": 0.03, "turn": 0}),
         (
             "nudge the wrist cam about half a degree",
             {"camera": "wrist", "shift": 0, "turn": 0.0087},

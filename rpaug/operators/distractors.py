@@ -105,7 +105,9 @@ class Distractors(Operator):
         "more clutter, other stuff, side objects, objects not needed for the task, "
         "things not needed for the task, stuff not needed for the task, "
         "what is not needed for the task, unrelated objects, random items, random stuff, "
-        "random clutter",
+        "random clutter, junk, extra objects, extra things, household things, small things, "
+        "small household things, objects lying around, things lying around, "
+        "random objects lying around, pieces of clutter",
     }
     phrases: ClassVar[tuple[str, ...]] = ("add {count} distractors",)
     examples: ClassVar[Examples] = (

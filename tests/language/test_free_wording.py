@@ -29,15 +29,15 @@ OAK = {"sample": "wood"}
     [
         (
             "jitter all cameras by 1 cm",
-            [{"op": "camera_pose", "camera": list(CAMERAS), "shift": 0.01}],
+            [{"op": "camera_pose", "camera": list(CAMERAS), "shift": 0.01, "turn": 0}],
         ),
         (
             "jitter all fixed cameras by 1 cm",
-            [{"op": "camera_pose", "camera": "static", "shift": 0.01}],
+            [{"op": "camera_pose", "camera": "static", "shift": 0.01, "turn": 0}],
         ),
         (
             "random camera poses within 3cm for the front camera",
-            [{"op": "camera_pose", "camera": "front", "shift": 0.03}],
+            [{"op": "camera_pose", "camera": "front", "shift": 0.03, "turn": 0}],
         ),
         (
             "wrist camera: 3 deg roll jitter",

@@ -20,6 +20,19 @@ def edits(wish: str) -> list[dict[str, Any]]:
     ("wish", "wanted"),
     [
         ("red can -> blue can", [BLUE]),
+        ("the red can could be blue, other cans stay how they are", [BLUE]),
+        ("it looks way too clean in there. the red can should be blue, nothing else should change", [BLUE]),
+        ("our lamps go dim in the evening, so make the red can blue", [BLUE]),
+        ("red can blue, and pls fix the instruction so it says the right color", [BLUE]),
+        (
+            "move the can a few cm, differently in each copy",
+            [{"op": "move", "target": "can", "shift": 0.05}],
+        ),
+        (
+            "lamp 30% weaker, color temperature 3000 K",
+            [{"op": "light_color", "temperature": [3000, 3000], "brightness": [0.7, 0.7]}],
+        ),
+        ("put some junk on the table", [{"op": "distractors"}]),
         ("turn the red can into a blue one", [BLUE]),
         ("the red can blue like a cola", [BLUE]),
         ("the red can should be blue so that one sees it", [BLUE]),
@@ -96,9 +109,9 @@ def edits(wish: str) -> list[dict[str, Any]]:
         ("paint the can blue. the bin too", [{**BLUE, "target": "can"}, {**BLUE, "target": "bin"}]),
         (
             "camera shake! all cameras up to 1 cm, except wrist",
-            [{"op": "camera_pose", "camera": ["front"], "shift": 0.01}],
+            [{"op": "camera_pose", "camera": ["front"], "shift": 0.01, "turn": 0}],
         ),
-        ("front: up to 1 cm jitter", [{"op": "camera_pose", "camera": "front", "shift": 0.01}]),
+        ("front: up to 1 cm jitter", [{"op": "camera_pose", "camera": "front", "shift": 0.01, "turn": 0}]),
         ("light brighter or darker by 30%", [{"op": "light_color", "range": [[0.35] * 3, [0.65] * 3]}]),
         ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "range": [[0.35] * 3, [0.4] * 3]}]),
         ("light from other sides", [{"op": "light_direction"}]),

@@ -46,6 +46,7 @@ from rpaug.language.rounds import History
 from rpaug.language.talk import WishModel
 from rpaug.pipeline import recipe as recipes
 from rpaug.scene.build import build
+from rpaug.scene.lighting import black_body
 from rpaug.scene.targets import targets
 
 ALWAYS = (1.0, 1.0)
@@ -89,6 +90,10 @@ class Chosen:
         if self.name == "sensor_exposure":
             low, high = self.operator.stops
             return 2.0**low, 2.0**high, 1.0
+        if self.name == "light_color" and self.operator.temperature:
+            low, high = self.operator.brightness or (1.0, 1.0)
+            red, _, blue = np.mean([black_body.hue(one) for one in self.operator.temperature], 0)
+            return low, high, float(red / max(blue, NEAR))
         if self.name == "light_color":
             low, high = np.array(self.operator.range)
             middle = (low + high) / 2
