@@ -20,7 +20,7 @@ def edits(wish: str) -> list[dict[str, Any]]:
     ("wish", "wanted"),
     [
         ("red can -> blue can", [BLUE]),
-        ("the red can could be blue, other cans stay how they are", [BLUE]),
+        ("the red can could be blue, other views stay how they are", [BLUE]),
         ("it looks way too clean in there. the red can should be blue, nothing else should change", [BLUE]),
         ("our lamps go dim in the evening, so make the red can blue", [BLUE]),
         ("red can blue, and pls fix the instruction so it says the right color", [BLUE]),
