@@ -173,7 +173,8 @@ def amount(words: Sequence[str], at: int) -> tuple[int, str, Amount] | None:
     """How many words an amount takes, its kind ("length", "share", "number", ...) and value; None for none."""
     if list(words[at : at + 1]) == ["some"] and (step := _unit(words, at + 1)):
         of, factor = UNITS[words[at + step]]
-        return 1 + step, of, Amount(*(tidy(one * factor) for one in SOME), "range")
+        least, most = SOME
+        return 1 + step, of, Amount(tidy(least * factor), tidy(most * factor), "range")
     k, how, between = at, "", False
     while phrase := longest(words, k, HOW):
         between |= HOW[phrase] == "from"
