@@ -21,8 +21,10 @@ from rpaug.cli.console import (
 )
 from rpaug.core.errors import BadInput, RpaugError
 
-
 # Long: the options of a command are its signature.
+SHORT = "Without a model short commands are understood; one understands free wording: --llm URL --model NAME.\n"
+
+
 def ask(
     dataset: Dataset,
     wish: Annotated[str, typer.Argument(help="What to change, in English.", show_default=False)],
@@ -159,7 +161,7 @@ def _refused(reason: str, endpoint: Any, as_json: bool) -> int:
         print_json({"understood": False, "reason": reason, **used})
     else:
         console.print(
-            f"[yellow]not understood[/] {plain(reason)}\nNothing was written.",
+            f"[yellow]not understood[/] {plain(reason)}\n{'' if endpoint else SHORT}Nothing was written.",
             highlight=False,
             soft_wrap=True,
         )

@@ -24,6 +24,9 @@ STATES = group("rest_states")
 HAVING = frozenset({"has", "have", "blend", "blends", "always", "often", "usually"})
 """Of these none is said of what is wished for, unless it is a duty: "should have"."""
 RECORDED = group("rest_recorded")
+REWORDED = frozenset(
+    {"paraphrase", "paraphrased", "rephrase", "rephrased", "reword", "reworded", "wordings"}
+)
 TEXTS, AGREES = group("rest_texts"), group("rest_agrees")
 VALUES = ("color", "texture", "share", "length", "angle", "number", "remove")
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
@@ -136,6 +139,10 @@ def _about(where: Target, edit: Entry, named: Named) -> Entry:
 def follows(read: Sequence[Token]) -> Meant | None:
     """That the instruction is to tell the new colors: it does in any case. None where a clause says no such thing."""
     words = set(said(read).split())
+    if words & TEXTS and words & REWORDED:
+        raise NotUnderstood(
+            f"{said(read)!r}: other wordings take a model: --llm, or `instructions: {{paraphrases: 3}}` in the recipe"
+        )
     other = any(one.kind in VALUES for one in read) or any(
         one.kind == "thing" and not TEXTS & set(one.value.words.split()) for one in read
     )

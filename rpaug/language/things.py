@@ -270,6 +270,7 @@ class Namer:
         self.notes: list[str] = []
         self.kept: list[Named] = []  # what was said to stay as it is
         self.apart = False  # arm and gripper are told apart
+        self._patterns: dict[frozenset[int], str] = {}  # what things of a pattern were called
 
     def target(self, named: Named) -> Target:
         """A recipe's target. Raises NotUnderstood for what is no thing."""
@@ -294,7 +295,7 @@ class Namer:
         if words.startswith("other "):
             return self._other(words.removeprefix("other "))
         if self.recording is not None and (told := PATTERNED & set(words.split())):
-            return self._patterned(" ".join(word for word in words.split() if word not in told))
+            return self._patterned(words, " ".join(one for one in words.split() if one not in told))
         if bare in ROBOTS:
             return {"role": "robot"}
         if role := PHRASES.get(words) or (bare if bare in roles.NAMES else None):
@@ -405,12 +406,18 @@ class Namer:
             return words
         raise NotUnderstood(f"'other {words}': other than which one?")
 
-    def _patterned(self, words: str) -> Target:
-        """The one of these things that shows several colors. Raises TargetError for none or several."""
+    def _patterned(self, said: str, words: str) -> Target:
+        """The one of these things that shows several colors. Raises TargetError for none or several, or for one that
+        was called otherwise before: of what pattern a thing is was not measured."""
         shown = {row["id"] for row in self.rows if "shows" in row}
         fits = [group for group in self.groups({"text": words, "all": True}) if group & shown]
         if len(fits) != 1:
             raise TargetError(f"{words!r} with a pattern: {len(fits)} things are of several colors")
+        before = self._patterns.setdefault(fits[0], said)
+        if before != said:
+            raise TargetError(
+                f"{before!r} and {said!r}: one thing alone is seen to be of several colors"
+            )
         return {"handle": sorted(fits[0])}
 
     def _side(self, word: str, tint: str | None = None) -> Target:

@@ -53,3 +53,16 @@ def test_a_color_within_a_word_stays() -> None:
     namer = Namer(recording(GRAY, BLUE), None)
     assert namer.target(Named("black block")) == "gray block"
     assert namer.target(Named("black blackboard block")) == "gray blackboard block"
+
+
+def test_two_names_for_one_patterned_thing_are_refused(two: Recording) -> None:
+    """Which pattern a thing has is not measured, only that it shows several colors."""
+    namer = Namer(two, None)
+    for row in namer.rows:
+        row.pop("shows", None)
+        if row["id"] == 50:
+            row["shows"] = ["gray", "blue"]
+    assert namer.target(Named("striped block")) == {"handle": [50]}
+    assert namer.target(Named("striped block")) == {"handle": [50]}
+    with pytest.raises(TargetError, match="'striped block' and 'patterned block'"):
+        namer.target(Named("patterned block"))

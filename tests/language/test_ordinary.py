@@ -173,6 +173,7 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "make the can red and the bin fuzzy",
         "the can 20% red",
         "the can red and blue",
+        "the can blue, and reword the instruction a few ways too",
         "another can in green",
         "table checkered, red/white or blue/white",
         "light from other sides so that the shadows fall elsewhere",
