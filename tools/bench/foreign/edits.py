@@ -321,28 +321,28 @@ def rows(
                 len(those),
                 len(asked) - len(those),
                 middle,
-                _interval(given),
+                interval(given),
                 round(float(given.min()), 1),
                 sum(one[TOLD]["psnr"] <= one["no edit"]["psnr"] for one in those),
                 "-" if twin_psnr is None else round(twin_psnr, 1),
                 short,
-                _median(those, TOLD, "psnr_seen"),
+                median(those, TOLD, "psnr_seen"),
                 round(100 * float(np.mean(holes)), 1),
-                _median(those, ESTIMATED, "psnr"),
-                _median(those, "no edit", "psnr"),
+                median(those, ESTIMATED, "psnr"),
+                median(those, "no edit", "psnr"),
                 {"value": int(max(one[TOLD]["outside"] for one in those)), "target": "<= 0"},
             ]
         )
     return out
 
 
-def _median(those: Sequence[Mapping[str, Any]], method: str, figure: str) -> float | str:
+def median(those: Sequence[Mapping[str, Any]], method: str, figure: str) -> float | str:
     values = [one[method][figure] for one in those if method in one]
     values = [value for value in values if np.isfinite(value)]
     return round(float(np.median(values)), 1) if values else "-"
 
 
-def _interval(values: np.ndarray) -> str:
+def interval(values: np.ndarray) -> str:
     """95 % of the median, tasks drawn anew."""
     drawn = np.random.default_rng(0).choice(values, (2000, len(values)))
     low, high = np.percentile(np.median(drawn, axis=1), [2.5, 97.5])
