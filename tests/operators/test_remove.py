@@ -73,13 +73,15 @@ def test_what_is_painted_is_the_same_place_in_all_views(after):
 def test_where_outlines_are_anti_aliased_no_rim_of_the_thing_is_left(after):
     """Pixels beside the box show half of it, as anti-aliasing mixes them."""
     before = recorded()
-    beside: dict[str, np.ndarray] = {}
+    box = {name: view.ids(0) == BOX for name, view in before.episode.views.items()}
+    beside = {
+        name: pixels.grown(box[name], 1) & (view.ids(0) == TABLE)
+        for name, view in before.episode.views.items()
+    }
 
     def mixed(name, view):
-        own = view.ids(0) == BOX
-        beside[name] = rim = pixels.grown(own, 1) & (view.ids(0) == TABLE)
-        half = (view.rgb(0) + view.rgb(0)[own].mean(0)) / 2
-        image = np.where(rim[..., None], half, view.rgb(0)).astype(np.uint8)
+        half = (view.rgb(0) + view.rgb(0)[box[name]].mean(0)) / 2
+        image = np.where(beside[name][..., None], half, view.rgb(0)).astype(np.uint8)
         return replace(view, rgb=lambda t: image)
 
     views = {name: mixed(name, view) for name, view in before.episode.views.items()}
@@ -88,13 +90,10 @@ def test_where_outlines_are_anti_aliased_no_rim_of_the_thing_is_left(after):
     made = shown(operator.apply(smooth, operator.sample(smooth, np.random.default_rng(0))))
     for name, rim in beside.items():
         table = after.views[name].rgb(0)[rim].astype(float)
-        towards = (
-            before.episode.views[name].rgb(0)[before.episode.views[name].ids(0) == BOX].mean(0)
-            - table
-        )
+        towards = before.episode.views[name].rgb(0)[box[name]].mean(0) - table
         share = ((made.views[name].rgb(0)[rim] - table) * towards).sum() / (towards**2).sum()
-        assert abs(share) < 0.2  # of the box's color; half of it was there
-        away = ~pixels.grown(before.episode.views[name].ids(0) == BOX, 1)
+        assert abs(share) < 0.3  # of the box's color; half of it was there, and paint is not exact
+        away = ~pixels.grown(box[name], 1)
         np.testing.assert_array_equal(made.views[name].rgb(0)[away], views[name].rgb(0)[away])
 
 
