@@ -237,7 +237,7 @@ def _drawn(
     )  # fmt: skip
     moved = frozenset(one for edit in carried(scene, t) for one in edit.instance_ids)
     painted = np.zeros_like(drawn.hole)
-    if moved and _photographed(scene):
+    if moved and _rim(scene):
         support = scene.roles.get("table", frozenset())
         drawn, painted = unseen.closed(drawn, known[0].ids, support)
     witness = holes.Witness(known[0], K, camera.cam_to_world[t], surfels.edges.without(moved))
@@ -477,14 +477,13 @@ def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
 def _rim(scene: Scene) -> int:
     """Pixels by which a thing shows beside its outline: where images are anti-aliased those that it meets, and in
     photographs as far as an outline that was worked out is blurred."""
-    if not _photographed(scene):
-        return int(scene.antialiased)
-    return round(BLURRED * max(view.camera.width for view in scene.episode.views.values()))
-
-
-def _photographed(scene: Scene) -> bool:
-    """Whether outlines were worked out in photographs."""
-    return scene.antialiased and all(view.inferred for view in scene.episode.views.values())
+    views = scene.episode.views.values()
+    inferred = scene.antialiased and all(view.inferred for view in views)
+    return (
+        round(BLURRED * max(view.camera.width for view in views))
+        if inferred
+        else int(scene.antialiased)
+    )
 
 
 def _history(
