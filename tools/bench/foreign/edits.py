@@ -364,7 +364,7 @@ def main() -> None:
     parser.add_argument("--recorded", type=Path, required=True)
     parser.add_argument("--python", type=Path, required=True, help="of the simulators' environment")
     parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
-    parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
+    parser.add_argument("--task", nargs="+", help="only these, as <world>.<task>")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -384,7 +384,7 @@ def main() -> None:
                     continue
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
-    tasks = "".join(f" --task {task}" for task in given.task or ())
+    tasks = " ".join(["", "--task", *given.task]) if given.task else ""
     places = {place.rpartition("|")[0] for place in kept}
     command = (
         "tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"
