@@ -120,6 +120,12 @@ def photographed(what: str, note: str = "", table: str = "colors") -> Measured:
     return Measured("photographed", table, what, "inside, dB", note, unedited="unedited, dB")
 
 
+def put_in(what: str, note: str = "") -> Measured:
+    """On the same, on other seeds."""
+    column, unedited = "inside, dB", "unedited, dB"
+    return Measured("photographed_moves", "placed", what, column, note, unedited=unedited)
+
+
 def put_elsewhere(what: str, note: str = "") -> Measured:
     """On the twin as a cheap camera takes it, in the three tasks that the table has."""
     tasks = ("slide_block", "stack_cups", "put_in_box")
@@ -191,7 +197,7 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
         Measured("placing", "baselines", "distractor", "dB", beside="best baseline, dB"),
         Measured("foreign_edits", "edits-worked", "worked: distractor", "given, dB"),
         NO_PLACE,
-        photographed("distractors", table="placed"),
+        put_in("distractors"),
     ),
     "insert": (
         Measured("placing", "insert", "mesh, harmonised", "color, worst dB", "worst of nine"),
@@ -224,16 +230,16 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
         put_elsewhere("moved"),
     ),
     "duplicate": (
-        Measured("placing", "doubled", "duplicate", "dB"),
+        Measured("recast", "doubled", "duplicate", "dB"),
         furnished("duplicate"),
         NO,
         put_elsewhere("duplicated"),
     ),
     "spread": (
-        Measured("placing", "doubled", "spread", "dB"),
+        Measured("recast", "doubled", "spread", "dB"),
         furnished("spread"),
         NO,
-        photographed("spread", "two of three refused", table="placed"),
+        put_in("spread", "two of three refused"),
     ),
     "shadows": (
         Measured("lights", "cast", "fainter, to 0.4", "dB", "made fainter", unedited="no edit, dB"),
