@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 
 from rpaug import RpaugError, twin
 from rpaug.core import geometry, registry
+from rpaug.core.errors import Unsupported
 from rpaug.twin.factors import FACTORS
 from tools.bench.edits import app
-from tools.bench.harness import edits, scores
+from tools.bench.harness import edits, scores, truths
 from tools.bench.harness.cases import CASES, ESTIMATED, TOLD
 
 pytestmark = pytest.mark.gl
@@ -62,12 +63,56 @@ def test_moved_cameras_count_whole_and_the_others_not_at_all(pair):
 
 
 def test_every_factor_of_the_twin_has_a_case():
-    assert set(CASES) <= set(FACTORS)
+    assert {name for name, case in CASES.items() if not case.truth} <= set(FACTORS)
+
+
+def test_a_doubled_thing_stands_in_both_places_and_nothing_else_changes(pair):
+    recorded, _ = pair
+    old, new = recorded.truth.handles[truths.CYLINDER], 999
+    look = replace(recorded.truth.new, shifts={truths.CYLINDER: (0.1, 0.0, 0.0)})
+    moved = truths.again(recorded, look)
+    true = truths.doubled(recorded, moved, old, new)
+    assert true.truth.changed == (new,)
+    copied = 0
+    for name, view in true.episode.views.items():
+        before, there = recorded.episode.views[name], moved.episode.views[name]
+        for t in range(0, true.episode.length, 8):
+            copy = view.ids(t) == new
+            copied += copy.sum()
+            assert (there.ids(t)[copy] == old).all()
+            assert np.array_equal(view.rgb(t)[copy], there.rgb(t)[copy])
+            assert (view.depth(t)[copy] < before.depth(t)[copy]).all()
+            assert np.array_equal(view.rgb(t)[~copy], before.rgb(t)[~copy])
+            assert np.array_equal(view.ids(t)[~copy], before.ids(t)[~copy])
+    assert copied > 50
+
+
+def test_the_copys_shadow_is_not_made_up(pair):
+    recorded, moved = pair
+    lit = replace(recorded.truth, new=replace(recorded.truth.new, shadows=True))
+    with pytest.raises(Unsupported, match="shadow"):
+        truths.doubled(replace(recorded, truth=lit), moved, 1, 2)
+
+
+def test_fainter_shadows_lie_between_those_recorded_and_none():
+    recorded = small(CASES["shadows_fainter"].lamps, None, 96, True)
+    none = truths.again(recorded, replace(recorded.truth.new, shadows=False)).episode.views
+    fainter = truths.fainter(recorded).episode.views
+    darker = 0
+    for name, view in recorded.episode.views.items():
+        cast, lit, found = (one.rgb(3).astype(int) for one in (view, none[name], fainter[name]))
+        shadow = (lit - cast).max(-1) > 20
+        darker += shadow.sum()
+        assert ((cast[shadow] < found[shadow]) & (found[shadow] < lit[shadow])).any(-1).all()
+        assert np.abs(found - lit)[~shadow].max() <= 20
+    assert darker > 500
 
 
 @cache
-def small(lamps: tuple[twin.TwinLamp, ...], factor: str | None, size: int = 16) -> twin.Take:
-    look = twin.Look(lamps=lamps)
+def small(
+    lamps: tuple[twin.TwinLamp, ...], factor: str | None, size: int = 16, shadows: bool = False
+) -> twin.Take:
+    look = twin.Look(lamps=lamps, shadows=shadows)
     return twin.perform("open_drawer", 1, frames=11, size=size, look=look, factor=factor)
 
 
@@ -85,8 +130,11 @@ def test_one_factor_on_the_edit_is_forgiven_where_it_says_so(pair):
 @pytest.mark.parametrize("factor", CASES)
 def test_what_an_operator_is_asked_is_plain(factor, tmp_path):
     case = CASES[factor]
-    side = 96 if factor == "object_place" else 16  # what a thing stands on has to be seen
-    recorded, true = small(case.lamps, None, side), small(case.lamps, factor, side)
+    side = (
+        96 if factor == "object_place" or case.truth else 16
+    )  # what things stand on has to be seen
+    recorded = small(case.lamps, None, side, case.truth is not None and case.shadows)
+    true = case.truth(recorded) if case.truth else small(case.lamps, factor, side)
     asks = case.ask(recorded, true, tmp_path)
     assert asks[0].method in (TOLD, ESTIMATED)
     for ask in asks:

@@ -17,6 +17,7 @@ from tools.bench.foreign import (
     convert,
     distractors,
     edits,
+    furnished,
     neutral,
     reobserved,
     roles,
@@ -221,6 +222,41 @@ def test_edits_are_told_by_medians_beside_the_twin_and_refused_tasks_apart() -> 
     assert found["short of it, dB"] == {"value": 10.0, "target": "<= 3"}
     assert found["pixels changed outside, worst"] == {"value": 2, "target": "<= 0"}
     assert edits.twins()["light_color"] > 20
+
+
+def test_what_is_resized_stands_as_before(tmp_path: Path) -> None:
+    pose = np.eye(4)
+    pose[:3, 3] = 0.2, 0.1, 0.8
+    thing = furnished.Thing("bowl_wood", 7, pose)
+    larger = furnished.KINDS["object_size"].true((thing,), {"scale": 1.2})[0]
+    plain, large = (np.array(one.extra(tmp_path)["points"]) for one in (thing, larger))
+    assert np.ptp(large, axis=0) == pytest.approx(1.2 * np.ptp(plain, axis=0), rel=1e-6)
+    assert large[:, 2].min() == pytest.approx(plain[:, 2].min(), abs=1e-9)
+
+
+def test_what_truly_stands_there_follows_the_edit() -> None:
+    there = tuple(furnished.Thing("bowl_wood", one, np.eye(4)) for one in (7, 8))
+    aside = np.eye(4)
+    aside[0, 3] = 0.1
+    true = {name: kind.true for name, kind in furnished.KINDS.items()}
+    assert true["remove"](there, {}) == there[1:]
+    moved = true["move"](there, {"motion": aside.tolist()})
+    assert moved[0].pose[0, 3] == 0.1
+    assert moved[1] is there[1]
+    copies = {"copies": [{"handles": {"7": 9}, "motion": aside.tolist()}]}
+    assert [one.handle for one in true["duplicate"](there, copies)] == [7, 8, 9]
+    spread = true["spread"](there, {"moves": [{"handles": [8], "motion": aside.tolist()}]})
+    assert spread[0] is there[0]
+    assert spread[1].pose[0, 3] == 0.1
+
+
+def test_furnished_rows_tell_refused_tasks_apart() -> None:
+    figures = {"psnr": 25.0, "psnr_seen": 26.0, "holes": 0.1, "iou": 0.99, "outside": 3.0}
+    made = {"rpaug": figures, "no edit": figures | {"psnr": 12.0}}
+    kept = {"w|a|move": made, "w|b|move": {"refused": "no room"}, "w|a|shadows": {"refused": "no"}}
+    rows = {row[0]: row[1:] for row in furnished.rows(kept)}
+    assert rows["move"][:3] == [1, 1, 25.0]
+    assert rows["shadows"][:3] == [0, 1, "-"]
 
 
 def test_a_thing_in_the_air_touches_nothing_and_one_inside_does() -> None:

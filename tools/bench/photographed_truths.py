@@ -16,16 +16,15 @@ from pydantic import TypeAdapter
 
 from rpaug import twin
 from rpaug.core import registry
-from rpaug.core.types import CameraView, Scene
-from rpaug.operators.move import Move
+from rpaug.core.types import Scene
 from rpaug.pipeline import plan
 from rpaug.pipeline.copies import Known, PreparedEpisode, draw_copy
 from rpaug.pipeline.recipe import Recipe
 from rpaug.scene.build import build
-from rpaug.scene.targets.targets import Target
+from tools.bench.harness import truths
 from tools.bench.harness.cases import CASES, Ask, FactorCase
+from tools.bench.harness.truths import CYLINDER
 
-THING = "cylinder"  # what no task acts on
 FALL: Mapping[str, Any] = {"material": "wood", "height": (0.05, 0.05)}
 
 
@@ -46,6 +45,8 @@ def changed(case: FactorCase, factor: str, recorded: twin.Take) -> twin.Take:
     """The same with the factor truly changed."""
     if factor in TRUTHS:
         return TRUTHS[factor](recorded)
+    if case.truth:
+        return case.truth(recorded)
     true = _again(recorded, factor, case.targets[0], case.value(recorded) if case.value else None)
     if true.truth.new.extras:
         new = tuple(extra.handle for extra in true.truth.new.extras)
@@ -68,48 +69,21 @@ def _again(recorded: twin.Take, factor: str, target: str | None, value: Any) -> 
 
 def motion(recorded: twin.Take) -> Float64[np.ndarray, "4 4"]:
     """Where `move` would put the thing, unturned."""
-    scene = build(recorded.episode, with_bodies=True)
-    thing = Target(handle=recorded.truth.handles[THING])
-    operator = Move(target=thing, turn=0.0)
-    return np.array(
-        operator.sample(scene, np.random.default_rng(recorded.truth.seed))["motion"], float
-    )
+    return np.array(truths.drawn(truths.moving(recorded), recorded)["motion"], float)
 
 
 def _moved(recorded: twin.Take) -> twin.Take:
-    towards = recorded.poses[THING][0, :3, :3].T @ motion(recorded)[:3, 3]
-    return _again(recorded, "object_place", THING, tuple(towards.tolist()))
+    return _again(recorded, "object_place", CYLINDER, truths.shift(recorded, motion(recorded)))
 
 
 def _doubled(recorded: twin.Take) -> twin.Take:
-    """Both recordings, whatever is nearer of the thing."""
-    moved = _moved(recorded)
-    (handle,) = moved.truth.changed
-
-    def both(one: CameraView, other: CameraView) -> CameraView:
-        assert one.depth is not None
-        assert other.ids is not None
-        assert other.depth is not None
-
-        def nearer(t: int) -> np.ndarray:
-            mine = other.ids(t) == handle  # type: ignore[misc]
-            return mine & (other.depth(t) < one.depth(t))  # type: ignore[misc]
-
-        return replace(
-            one,
-            rgb=lambda t: np.where(nearer(t)[..., None], other.rgb(t), one.rgb(t)),
-            depth=lambda t: np.where(nearer(t), other.depth(t), one.depth(t)),  # type: ignore[misc]
-        )
-
-    views = {
-        name: both(view, moved.episode.views[name]) for name, view in recorded.episode.views.items()
-    }
-    return replace(moved, episode=replace(recorded.episode, views=views))
+    handle = recorded.truth.handles[CYLINDER]
+    return truths.doubled(recorded, _moved(recorded), handle, handle)
 
 
 def _fallen(recorded: twin.Take) -> twin.Take:
     """The same edit on exact depth, masks and poses."""
-    handle = recorded.truth.handles[THING]
+    handle = recorded.truth.handles[CYLINDER]
     scene = build(recorded.episode, with_bodies=True)
     copy = made(scene, "physics", {"target": {"handle": handle}, **FALL}, None)
     truth = replace(recorded.truth, changed=(handle,))

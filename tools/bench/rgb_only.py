@@ -1,6 +1,7 @@
 """What color images alone are enough for: the twin's recordings with depth, masks and calibration hidden.
 
-    python -m tools.bench.rgb_only [--seeds 4] [--size 128] [--frames 17] [--factor F] [--models Q] [--cost] [--json]
+    python -m tools.bench.rgb_only [--seeds 4] [--first 0] [--size 128] [--frames 17] [--factor F] [--models Q]
+        [--cost] [--json]
 
 Of each seed's recording only the fixed cameras' colors are kept. Edits made from those are held against the truly
 changed recording: dB inside the truly changed pixels and outside them, beside the unedited images'. `IoU` is that of
@@ -9,7 +10,7 @@ color's name, `role` for what is manipulated. `things` is the mean over all true
 best handle over all cameras, and `thing in a camera` by its best handle there; nothing is edited. `--uncut` leaves
 GrabCut out. `--models` asks models of that quality (`tools.bench.scripted`) for everything on the table by its part's
 name, and the changed thing is named by words.
-The background's texture lies in another place than the true one: dB are of its mean color there.
+Textures lie in another place than the true ones, since cameras are assumed: dB are of their mean color in each image.
 """
 
 import argparse
@@ -42,7 +43,14 @@ from rpaug.scene.recorded import surfels
 from rpaug.scene.targets import targets
 from tools.bench import scripted
 
-FACTORS = ("object_color", "table_color", "background_texture", "light_color")
+FACTORS = (
+    "object_color", "table_color", "background_texture", "light_color", "object_texture", "table_texture",
+)  # fmt: skip
+TEXTURED = {  # what its row is called, the role that is painted (none: the changed thing), and the operator
+    "background_texture": ("background", "background", "background_texture"),
+    "table_texture": ("table's texture", "table", "table_texture"),
+    "object_texture": ("object's texture", None, "retexture"),
+}
 SEEN = 12  # pixels a frame: of a thing that a camera shows less of nothing is asked there
 HANDLES = 200
 TOLD = 0.05  # overlap up to which a thing was not told apart at all
@@ -153,11 +161,14 @@ def asked(
     elif factor == "table_color":
         new = true.truth.albedos[changed[0]]
         yield "table", scene.roles.get("table"), "table_color", {"range": (new, new)}
-    elif factor == "background_texture":
+    elif factor in TEXTURED:
         laid = next(iter(true.truth.covers.values()))
         (folder / laid.file).write_bytes(true.side()[laid.file])
         fields = {"textures": str(folder), "texture": laid.file, "scale": laid.cover.side}
-        yield "background", scene.roles.get("background"), "background_texture", fields
+        name, role, op = TEXTURED[factor]
+        instance_ids = scene.roles.get(role) if role else best(scene, recorded, set(changed))
+        target = {} if role else {"target": {"handle": sorted(instance_ids or ())}}
+        yield name, instance_ids, op, fields | target
     else:
         fields = {"color": {"rgb": true.truth.albedos[changed[0]]}}
         instance_ids = best(scene, recorded, set(changed))
@@ -220,7 +231,8 @@ def found(
     episode = bare(recorded.episode)
     if quality is None:
         return build(episode, with_bodies=True)
-    changed = set(true.truth.changed) if true.truth.factor == "object_color" else set[int]()
+    alone = true.truth.factor in ("object_color", "object_texture")
+    changed = set(true.truth.changed) if alone else set[int]()
     parts = [
         h for n, h in recorded.truth.handles.items() if not n.startswith(ROOM) and h not in changed
     ]
@@ -271,7 +283,7 @@ def rows(
                 yield Row(f"{name} refused", seed, task, np.nan, np.nan, np.nan, np.nan, built)
                 continue
             edited = shown(operator.apply(scene, edit))
-            inside, unedited, outside = errors(scene, edited, recorded, true, name == "background")
+            inside, unedited, outside = errors(scene, edited, recorded, true, factor in TEXTURED)
             iou = (
                 overlap(scene, recorded, instance_ids, set(true.truth.changed))
                 if instance_ids
@@ -307,6 +319,7 @@ def cost(size: int, frames: int, further: int = 3) -> tuple[float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--first", type=int, default=0, help="the first of the seeds")
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--frames", type=int, default=17)
     parser.add_argument("--factor", choices=FACTORS, action="append", help="only these edits")
@@ -324,7 +337,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         measured = [
             row
-            for seed in range(given.seeds)
+            for seed in range(given.first, given.first + given.seeds)
             for row in rows(
                 seed,
                 given.size,

@@ -110,14 +110,20 @@ def foreign(factor: str) -> Measured:
     return Measured("foreign_edits", "edits-worked", f"worked: {factor}", "estimated, dB")
 
 
-def color_alone(what: str, note: str = "") -> Measured:
+def color_alone(what: str, note: str = "", table: str = "whole") -> Measured:
     """On the twin with depth, masks and cameras hidden."""
-    return Measured("rgb_only", "whole", what, "inside, dB (unedited)", note)
+    return Measured("rgb_only", table, what, "inside, dB (unedited)", note)
 
 
 def photographed(what: str, note: str = "", table: str = "colors") -> Measured:
     """On the twin as a cheap camera takes it, outlined and given depth by models that err."""
     return Measured("photographed", table, what, "inside, dB", note, unedited="unedited, dB")
+
+
+def put_in(what: str, note: str = "") -> Measured:
+    """On the same, on other seeds."""
+    column, unedited = "inside, dB", "unedited, dB"
+    return Measured("photographed_moves", "placed", what, column, note, unedited=unedited)
 
 
 def put_elsewhere(what: str, note: str = "") -> Measured:
@@ -126,8 +132,16 @@ def put_elsewhere(what: str, note: str = "") -> Measured:
     return Measured("photographed_moves", "worked", what, tasks, note)
 
 
+def furnished(what: str) -> Measured:
+    """In other people's simulators, of things that those put there."""
+    return Measured("foreign_edits", "furnished", what, "dB", unedited="no edit, dB")
+
+
 NO = Said("**no**: refused")
 OPEN = Said("not measured")
+NO_TRUTH = Said("no truth")
+NO_PLACE = Said("no truth: an assumed camera")
+MEAN_COLOR = "mean color"
 TASKS = ("open_drawer", "pick_block", "push_button", "slide_block", "stack_cups", "put_in_box")
 SENSORS = tuple(f"sensor_{kind}" for kind in ("noise", "blur", "jpeg", "exposure"))
 ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
@@ -140,7 +154,7 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
     "retexture": (
         recorded("object_texture"),
         foreign("object_texture"),
-        OPEN,
+        color_alone("object's texture", f"{MEAN_COLOR}; four of six refused", "textures"),
         photographed("retexture"),
     ),
     "table_color": (
@@ -152,13 +166,13 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
     "table_texture": (
         recorded("table_texture"),
         foreign("table_texture"),
-        OPEN,
+        color_alone("table's texture", f"{MEAN_COLOR}; one of six refused", "textures"),
         photographed("table's texture"),
     ),
     "background_texture": (
         recorded("background_texture"),
         foreign("background_texture"),
-        color_alone("background", "of its mean color"),
+        color_alone("background", MEAN_COLOR),
         photographed("background's texture"),
     ),
     "light_color": (
@@ -182,18 +196,18 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
     "distractors": (
         Measured("placing", "baselines", "distractor", "dB", beside="best baseline, dB"),
         Measured("foreign_edits", "edits-worked", "worked: distractor", "given, dB"),
-        OPEN,
-        OPEN,
+        NO_PLACE,
+        put_in("distractors"),
     ),
     "insert": (
         Measured("placing", "insert", "mesh, harmonised", "color, worst dB", "worst of nine"),
-        OPEN,
-        OPEN,
+        furnished("insert"),
+        NO_PLACE,
         photographed("inserted", table="middle"),
     ),
     "object_size": (
         Measured("placing", "baselines", "object_size", "dB", beside="best baseline, dB"),
-        OPEN,
+        furnished("object_size"),
         NO,
         photographed("resized", table="middle"),
     ),
@@ -205,14 +219,34 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
             "never seen, dB",
             "of what no camera saw",
         ),
-        OPEN,
+        furnished("remove"),
         NO,
         photographed("removed, seen background", "of what some camera saw"),
     ),
-    "move": (Measured("placing", "moved", "move", "dB"), OPEN, NO, put_elsewhere("moved")),
-    "duplicate": (OPEN, OPEN, NO, put_elsewhere("duplicated")),
-    "spread": (OPEN, OPEN, NO, OPEN),
-    "shadows": (OPEN, OPEN, NO, OPEN),
+    "move": (
+        Measured("placing", "moved", "move", "dB"),
+        furnished("move"),
+        NO,
+        put_elsewhere("moved"),
+    ),
+    "duplicate": (
+        Measured("recast", "doubled", "duplicate", "dB"),
+        furnished("duplicate"),
+        NO,
+        put_elsewhere("duplicated"),
+    ),
+    "spread": (
+        Measured("recast", "doubled", "spread", "dB"),
+        furnished("spread"),
+        NO,
+        put_in("spread", "two of three refused"),
+    ),
+    "shadows": (
+        Measured("lights", "cast", "fainter, to 0.4", "dB", "made fainter", unedited="no edit, dB"),
+        furnished("shadows"),
+        NO,
+        NO,
+    ),
     "physics": (
         Quoted(
             "physics",
@@ -233,11 +267,9 @@ ROWS: Mapping[str, Sequence[Measured | Quoted | Said]] = {
             "match, first to last",
             "no truth; the style's distance falls from {}",
         ),
-        OPEN,
-        OPEN,
-        OPEN,
+        *[NO_TRUTH] * 3,
     ),
-    **dict.fromkeys(SENSORS, (Said("no truth: a camera's own errors, drawn"), OPEN, OPEN, OPEN)),
+    **dict.fromkeys(SENSORS, (Said("no truth: a camera's own errors, drawn"), *[NO_TRUTH] * 3)),
 }
 
 

@@ -393,11 +393,15 @@ def _recordings(
         return view.ids(t) if view.ids else np.zeros(size, np.int32)
 
     now = {name: names(view) for name, view in views.items()}
+    rim = _rim(scene) if edited else 0
     for name in views:
         if name != own:
             yield from like(lifted(name, t) if piece is None else _there(surfels, scene, name, t))
     for name, kept in surfels.plates.items():
-        hidden = kept.known & ~among(now[name], surfels.static - edited)
+        hidden = ~among(now[name], surfels.static - edited)
+        if rim:
+            hidden |= grown(among(now[name], edited), rim)
+        hidden &= kept.known
         if hidden.any():
             yield from like(replace(kept.source, use=hidden))
     for past in surfels.history.values():
@@ -471,10 +475,15 @@ def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
 
 
 def _rim(scene: Scene) -> int:
-    """Pixels by which an outline that was worked out in photographs is blurred; masks that were recorded are exact."""
+    """Pixels by which a thing shows beside its outline: where images are anti-aliased those that it meets, and in
+    photographs as far as an outline that was worked out is blurred."""
     views = scene.episode.views.values()
     inferred = scene.antialiased and all(view.inferred for view in views)
-    return round(BLURRED * max(view.camera.width for view in views)) if inferred else 0
+    return (
+        round(BLURRED * max(view.camera.width for view in views))
+        if inferred
+        else int(scene.antialiased)
+    )
 
 
 def _history(

@@ -4,8 +4,9 @@
 
 `changes.json` has `frames` and `changes`, by name some of: `colors` [{id, rgb}]; `covers` [{ids, image, side}]; `light`
 [ratio a channel]; `lamp` [towards it: the only lamp then]; `bumps` {camera: 4 x 4 in its frame}; `extras` [{id, points,
-normals, uv, faces, image, pose}]; `sizes` [{id, factor}], each about its foot; `shifts` [{id, by}] in metres. OUT gets
-an `.npz` for each, and `albedos.json`: by name and instance id, the display color of its surface before and after.
+normals, uv, faces, image, pose}]; `sizes` [{id, factor}], each about its foot; `shifts` [{id, by}] in metres; `shadows`
+false: lamps cast none. OUT gets an `.npz` for each, and `albedos.json`: by name and instance id, the display color of
+its surface before and after.
 """
 
 import argparse
@@ -25,6 +26,9 @@ COVER, EXTRA = "cover/", "extra/"
 PARTS, SLICES = 4, 28  # of a box's edge and of a round shape, as MuJoCo's own
 AMBIENT, LAMP = 0.3, 0.5  # of the only lamp, as on the twin
 ENDLESS = 5.0  # metres: half a plane that has no size
+NOWHERE = (
+    1e-4  # the size of the lamps' maps: each lamp is still drawn by itself, so that none is cut off
+)
 
 
 class Changed:
@@ -52,6 +56,8 @@ class Changed:
         model, by_geom = self.model()
         if lamp := self.change.get("lamp"):
             _only(model, lamp)
+        if not self.change.get("shadows", True):
+            model.vis.map.shadowclip = model.vis.map.shadowscale = NOWHERE
         ratio = np.array(self.change.get("light", (1, 1, 1)))
         for light in (model.light_diffuse, model.light_ambient, model.light_specular):
             light *= ratio

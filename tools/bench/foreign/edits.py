@@ -321,28 +321,28 @@ def rows(
                 len(those),
                 len(asked) - len(those),
                 middle,
-                _interval(given),
+                interval(given),
                 round(float(given.min()), 1),
                 sum(one[TOLD]["psnr"] <= one["no edit"]["psnr"] for one in those),
                 "-" if twin_psnr is None else round(twin_psnr, 1),
                 short,
-                _median(those, TOLD, "psnr_seen"),
+                median(those, TOLD, "psnr_seen"),
                 round(100 * float(np.mean(holes)), 1),
-                _median(those, ESTIMATED, "psnr"),
-                _median(those, "no edit", "psnr"),
+                median(those, ESTIMATED, "psnr"),
+                median(those, "no edit", "psnr"),
                 {"value": int(max(one[TOLD]["outside"] for one in those)), "target": "<= 0"},
             ]
         )
     return out
 
 
-def _median(those: Sequence[Mapping[str, Any]], method: str, figure: str) -> float | str:
+def median(those: Sequence[Mapping[str, Any]], method: str, figure: str) -> float | str:
     values = [one[method][figure] for one in those if method in one]
     values = [value for value in values if np.isfinite(value)]
     return round(float(np.median(values)), 1) if values else "-"
 
 
-def _interval(values: np.ndarray) -> str:
+def interval(values: np.ndarray) -> str:
     """95 % of the median, tasks drawn anew."""
     drawn = np.random.default_rng(0).choice(values, (2000, len(values)))
     low, high = np.percentile(np.median(drawn, axis=1), [2.5, 97.5])
@@ -364,7 +364,7 @@ def main() -> None:
     parser.add_argument("--recorded", type=Path, required=True)
     parser.add_argument("--python", type=Path, required=True, help="of the simulators' environment")
     parser.add_argument("--held", action="store_true", help="the set-aside tasks instead")
-    parser.add_argument("--task", action="append", help="only these, as <world>.<task>")
+    parser.add_argument("--task", nargs="+", help="only these, as <world>.<task>")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--record", action="store_true", help="write docs/benchmarks' results")
     given = parser.parse_args()
@@ -384,7 +384,7 @@ def main() -> None:
                     continue
                 said = {method: round(one["psnr"], 1) for method, one in figures.items()}
                 print(place, said, "outside", figures[TOLD]["outside"], flush=True)
-    tasks = "".join(f" --task {task}" for task in given.task or ())
+    tasks = " ".join(["", "--task", *given.task]) if given.task else ""
     places = {place.rpartition("|")[0] for place in kept}
     command = (
         "tools.bench.foreign.edits --recorded recorded --python foreign/bin/python --out edits"

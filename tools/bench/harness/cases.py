@@ -13,17 +13,16 @@ from rpaug.core.interfaces import Edit
 from rpaug.core.types import Episode
 from rpaug.operators import insert as inserting
 from rpaug.operators.distractors import Distractors
-from rpaug.operators.move import Move
+from rpaug.operators.shadows import Shadows
 from rpaug.scene import build
 from rpaug.scene.lighting import albedo, light, rig, shadows
-from rpaug.scene.targets.targets import Target
 from rpaug.twin import LAMPS, RIG, Laid, Take, TwinLamp
 from rpaug.twin.look import Extra
 from rpaug.twin.mjcf import AMBIENT
-from tools.bench.harness import baselines
+from tools.bench.harness import baselines, truths
+from tools.bench.harness.truths import CYLINDER
 
 TOLD, ESTIMATED = "rpaug", "rpaug, estimated"
-CYLINDER = "cylinder"  # no task acts on it
 
 
 Colors = dict[int | None, tuple[Any, Any]]
@@ -46,8 +45,9 @@ class FactorCase:
 
     `ask` gets the recording, its truly changed version, and a folder for images. `colors` gives what a 2D recoloring
     goes by, old and new by handle: the old ones known, or read off the recording as `rpaug, estimated` does.
-    `targets` are taken in turn. `value` draws the true change where the twin does not, and `baseline` is what is done
-    to single pictures by those who know as much. Some are measured under cast `shadows` alone: they need lamps told.
+    `targets` are taken in turn. `value` draws the true change where the twin does not, `truth` makes it where it is no
+    factor of the twin, and `baseline` is what is done to single pictures by those who know as much. Some are measured
+    under cast `shadows` alone: they need lamps told.
     """
 
     operator: str
@@ -56,6 +56,7 @@ class FactorCase:
     lamps: tuple[TwinLamp, ...] = RIG
     targets: tuple[str | None, ...] = (None,)
     value: Callable[[Take], Any] | None = None
+    truth: Callable[[Take], Take] | None = None
     baseline: tuple[str, Callable[[Take, Take], Episode]] | None = None
     shadows: bool = False
 
@@ -158,23 +159,37 @@ def _scale(true: Take) -> float:
     return scale
 
 
-def _drawn_move(take: Take) -> Edit:
-    """Where `move` puts the cylinder, unturned. Raises RpaugError where no place is free."""
-    mover = Move(target=Target(handle=take.truth.handles[CYLINDER]), turn=0.0)
-    scene = build.build(take.episode, with_bodies=True)
-    return mover.sample(scene, np.random.default_rng(take.truth.seed))
-
-
 def _drawn_place(take: Take) -> tuple[float, ...]:
-    """The same as a shift in the frame of the thing."""
-    shift = np.array(_drawn_move(take)["motion"])[:3, 3]
-    return tuple((take.poses[CYLINDER][0, :3, :3].T @ shift).tolist())
+    """Where `move` puts the cylinder, as a shift in its frame. Raises RpaugError where no place is free."""
+    return truths.shift(take, truths.drawn(truths.moving(take), take)["motion"])
 
 
 def _move(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
     (instance_id,) = true.truth.changed
     fields = {"target": {"handle": instance_id}, "turn": 0.0}
-    return (Ask(TOLD, (fields,), _drawn_move(recorded)),)
+    return (Ask(TOLD, (fields,), truths.drawn(truths.moving(recorded), recorded)),)
+
+
+def _duplicate(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    fields = {"target": {"handle": recorded.truth.handles[CYLINDER]}, "turn": 0.0}
+    return (Ask(TOLD, (fields,), truths.drawn(truths.doubling(recorded), recorded)),)
+
+
+def _spread(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    return (Ask(TOLD, ({"turn": 0.0},), truths.drawn(truths.SPREADING, recorded)),)
+
+
+def _shadows_fainter(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    return (Ask(ESTIMATED, ({"depth": (truths.FAINTER, truths.FAINTER)},)),)
+
+
+def _shadows_turned(recorded: Take, true: Take, folder: Path) -> tuple[Ask, ...]:
+    """The lamps that it finds, turned as the true ones."""
+    fields = {"depth": (1.0, 1.0), "turn": truths.TURNED}
+    edit = truths.drawn(Shadows(depth=(1.0, 1.0)), recorded)
+    lamps = shadows.rig_of(edit["lamps"]["recorded"])
+    now = shadows.plain(rig.turned(lamps, truths.TURNED, 1.0))
+    return (Ask(ESTIMATED, (fields,), edit | {"lamps": edit["lamps"] | {"now": now}}),)
 
 
 def drawn_things(take: Take) -> tuple[Extra, ...]:
@@ -269,6 +284,10 @@ CASES: Mapping[str, FactorCase] = {
         ),
     ),
     "object_place": FactorCase("move", _move, targets=(CYLINDER,), value=_drawn_place),
+    "duplicate": FactorCase("duplicate", _duplicate, truth=truths.duplicated),
+    "spread": FactorCase("spread", _spread, truth=truths.spread),
+    "shadows_fainter": FactorCase("shadows", _shadows_fainter, truth=truths.fainter, shadows=True),
+    "shadows_turned": FactorCase("shadows", _shadows_turned, truth=truths.turned, shadows=True),
     "distractor": FactorCase(
         "distractors",
         _distractors,

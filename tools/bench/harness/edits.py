@@ -201,6 +201,8 @@ def _takes(
 ) -> tuple[twin.Take, twin.Take]:
     task = setting.tasks[seed % len(setting.tasks)]
     recorded = recording(setting, case.lamps, task, seed)
+    if case.truth:
+        return recorded, case.truth(recorded)
     target = case.targets[seed // len(setting.tasks) % len(case.targets)]
     if target == "receiver" and recorded.truth.receiver is None:
         target = "manipulated"
