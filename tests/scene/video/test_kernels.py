@@ -1,11 +1,14 @@
 """Kernels of the video scene beside what they stand for, written with whole arrays."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
 from rpaug.core import geometry
-from rpaug.scene.video import instances, moving, sweep, video_scene
+from rpaug.scene.video import colmap, instances, moving, sweep, video_scene
+from rpaug.scene.video.kept import KeptInstances
 
 K = np.array([[60.0, 0, 39.5], [0, 60.0, 29.5], [0, 0, 1]])
 SHAPE = (60, 80)
@@ -70,3 +73,31 @@ def test_the_support_is_laid_in_its_plane_where_that_is_near() -> None:
     assert np.allclose(laid, np.where(near, met, depth))
     none = video_scene.laid(ids, depth, support[:0], K, pose, 0.2)
     assert np.array_equal(none, depth)
+
+
+def test_features_are_as_colmap_keeps_them_and_found_in_plain_images_too() -> None:
+    grey = np.zeros((120, 160), np.uint8)
+    assert [part.shape for part in colmap.described(grey, 50)] == [(0, 4), (0, 128)]
+    rows, columns = np.mgrid[:120, :160]
+    blob = 250 * np.exp(-((rows - 60) ** 2 + (columns - 100) ** 2) / (2 * 5.0**2))
+    grey = np.rint(blob).astype(np.uint8)
+    places, descriptors = colmap.described(grey, 50)
+    assert places.dtype == np.float32
+    assert descriptors.dtype == np.uint8
+    # The middle of pixel (100, 60) is half a pixel inside; RootSIFT has length 512.
+    assert np.abs(places[:, :2] - [100.5, 60.5]).max(1).min() < 0.5
+    assert np.abs(np.linalg.norm(descriptors.astype(float), axis=1) / 512 - 1).max() < 0.05
+
+
+def test_pairs_are_neighbours_and_powers_of_two() -> None:
+    assert colmap._pairs(4, 2) == 3 + 2
+    assert colmap._pairs(100, 4) == 99 + 98 + 97 + 96 + 92
+
+
+def test_kept_ids_are_those_that_were_found(tmp_path: Path) -> None:
+    ids = np.random.default_rng(3).integers(0, 9, SHAPE).astype(np.int32)
+    kept = KeptInstances(tmp_path / "state")
+    assert np.array_equal(kept.frame(4, lambda k: ids + k), ids + 4)
+    again = kept.frame(4, lambda k: ids)
+    assert again.dtype == np.int32
+    assert np.array_equal(again, ids + 4)
