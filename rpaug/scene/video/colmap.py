@@ -162,6 +162,7 @@ def described(
 def _matches(work: Path, settings: ColmapSettings) -> None:
     import pycolmap
 
+    pycolmap.set_random_seed(settings.seed)
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu, matching.num_threads = False, settings.threads
     pairs = pycolmap.SequentialPairingOptions()
