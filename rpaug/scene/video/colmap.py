@@ -1,4 +1,4 @@
-"""Structure from motion: SIFT by OpenCV; by COLMAP matches of neighbours in time, then mapping, incremental and global.
+"""Structure from motion by COLMAP: SIFT, matches of neighbours in time, then mapping, incremental and global.
 
 Schönberger and Frahm 2016 (Structure-from-Motion Revisited); the global mapper is GLOMAP (Pan et al. 2024, arXiv
 2407.20219). The global one is tried where the incremental one leaves frames out, and the incremental one in pieces,
@@ -21,13 +21,13 @@ from typing import Any, TextIO
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from rpaug.core.errors import Unsupported
 from rpaug.scene.video.model import Reconstruction, believed
 
 MOST_FRAMES = 300
-CONTRAST = 0.02  # of SIFT's features, at least: half of OpenCV's own, since videos are soft
+DOUBLED = 800  # pixels: narrower images are doubled before features are looked for
 Progress = Callable[[float, str], None]
 
 
@@ -41,7 +41,7 @@ class ColmapSettings:
         10  # neighbours in time that a frame is matched with, and further ones at powers of two
     )
     enough: float = 0.95  # share of registered frames from which on the global mapper is not tried
-    threads: int = 2  # of matches; results do not depend on it
+    threads: int = 2  # of features and matches; results do not depend on it
     seed: int = 0
 
 
@@ -68,10 +68,11 @@ def reconstruct(
         factor = _lay_out(frame, times, work / "images", settings.width)
         tell(0.1, "features")
         start = None if focal is None else factor * focal
-        _features(work, start, settings, lambda done: tell(0.1 + 0.3 * done, "features"))
+        with _watched(work, "descriptors", len(times), lambda d: tell(0.1 + 0.3 * d, "features")):
+            _features(work, start, settings)
         tell(0.4, "matches")
         pairs = _pairs(len(times), settings.overlap)
-        with _watched(work, pairs, lambda done: tell(0.4 + 0.2 * done, "matches")):
+        with _watched(work, "matches", pairs, lambda d: tell(0.4 + 0.2 * d, "matches")):
             _matches(work, settings)
         tell(0.6, "mapping")
         models = _mapped(work, "incremental", settings, _counting(tell, len(times)))
@@ -111,58 +112,33 @@ def _lay_out(
     return factor
 
 
-def _features(
-    work: Path, focal: float | None, settings: ColmapSettings, tell: Callable[[float], None]
-) -> None:
-    """OpenCV's SIFT of each image, a third of what COLMAP's own takes; it too doubles the image first."""
+def _features(work: Path, focal: float | None, settings: ColmapSettings) -> None:
     import pycolmap
 
-    database, images = work / "features.db", work / "images"
-    pycolmap.Database.open(database).close()
-    first = cv2.imread(str(next(images.iterdir())))
-    assert first is not None  # it was written just now
-    height, width = first.shape[:2]
+    pycolmap.set_random_seed(settings.seed)
+    extraction = pycolmap.FeatureExtractionOptions()
+    extraction.use_gpu, extraction.num_threads = False, settings.threads
+    extraction.sift.max_num_features = settings.features
+    image = cv2.imread(str(next((work / "images").iterdir())))
+    assert image is not None  # it was written just now
+    height, width = image.shape[:2]
+    extraction.sift.first_octave = -1 if width < DOUBLED else 0
     reader = pycolmap.ImageReaderOptions()
     reader.camera_model = "SIMPLE_RADIAL"
     if focal is not None:
         reader.camera_params = f"{focal},{width / 2},{height / 2},0"
-    single = pycolmap.CameraMode.SINGLE
-    pycolmap.import_images(database, images, camera_mode=single, options=reader)
-    opened = pycolmap.Database.open(database)
-    try:
-        every = opened.read_all_images()
-        for done, image in enumerate(every):
-            grey = cv2.imread(str(images / image.name), cv2.IMREAD_GRAYSCALE)
-            assert grey is not None  # as above
-            places, descriptors = described(grey, settings.features)
-            opened.write_keypoints(image.image_id, places)
-            kind = pycolmap.FeatureExtractorType.SIFT
-            found = pycolmap.FeatureDescriptors(type=kind, data=descriptors)
-            opened.write_descriptors(image.image_id, found)
-            tell((done + 1) / len(every))
-    finally:
-        opened.close()
-
-
-def described(
-    grey: UInt8[np.ndarray, "h w"], most: int
-) -> tuple[Float32[np.ndarray, "n 4"], UInt8[np.ndarray, "n 128"]]:
-    """About `most` SIFT features at most, as COLMAP keeps them: column, row (the first pixel's center is 0.5), scale
-    and turn, and RootSIFT descriptors (Arandjelovic and Zisserman 2012) times 512."""
-    sift = cv2.SIFT.create(nfeatures=most, contrastThreshold=CONTRAST)
-    points, found = sift.detectAndCompute(grey, None)
-    if not points:
-        return np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8)
-    places = [(p.pt[0] + 0.5, p.pt[1] + 0.5, p.size / 2, np.radians(p.angle)) for p in points]
-    root = np.sqrt(found / np.maximum(found.sum(1, keepdims=True), 1e-9))
-    whole = np.clip(np.rint(512 * root), 0, 255).astype(np.uint8)
-    return np.array(places, np.float32), whole
+    pycolmap.extract_features(
+        work / "features.db",
+        work / "images",
+        camera_mode=pycolmap.CameraMode.SINGLE,
+        reader_options=reader,
+        extraction_options=extraction,
+    )
 
 
 def _matches(work: Path, settings: ColmapSettings) -> None:
     import pycolmap
 
-    pycolmap.set_random_seed(settings.seed)
     matching = pycolmap.FeatureMatchingOptions()
     matching.use_gpu, matching.num_threads = False, settings.threads
     pairs = pycolmap.SequentialPairingOptions()
@@ -179,8 +155,8 @@ def _pairs(frames: int, overlap: int) -> int:
 
 
 @contextlib.contextmanager
-def _watched(work: Path, total: int, tell: Callable[[float], None]) -> Iterator[None]:
-    """Tell every second which share of all pairs COLMAP has matched, which it does not say itself."""
+def _watched(work: Path, table: str, total: int, tell: Callable[[float], None]) -> Iterator[None]:
+    """Tell every second which share of a table's rows COLMAP has written, which it does not say itself."""
     done, path = threading.Event(), work / "features.db"
 
     def watch() -> None:
@@ -188,7 +164,7 @@ def _watched(work: Path, total: int, tell: Callable[[float], None]) -> Iterator[
             # With a write-ahead log whoever reads blocks nobody who writes.
             if path.with_name("features.db-wal").exists():
                 with contextlib.suppress(sqlite3.Error), contextlib.closing(_reader(path)) as read:
-                    (rows,) = read.execute("SELECT count(*) FROM matches").fetchone()
+                    (rows,) = read.execute(f"SELECT count(*) FROM {table}").fetchone()
                     tell(min(1.0, rows / max(1, total)))
 
     thread = threading.Thread(target=watch, daemon=True)

@@ -286,7 +286,7 @@ def _moved(
 
 
 def _name(episode: Episode, settings: ColmapSettings) -> str:
-    """What a video and the settings come to: other frames, another name; so do other features."""
+    """What a video and the settings come to: other frames, another name."""
     import pycolmap
 
     (view,) = episode.views.values()
@@ -296,8 +296,7 @@ def _name(episode: Episode, settings: ColmapSettings) -> str:
         "frames": episode.length,
         "focal": _focal(view.camera),
     }
-    made = [pycolmap.__version__, cv2.__version__, colmap.CONTRAST]
-    stated = json.dumps([given, made], sort_keys=True).encode()
+    stated = json.dumps([given, pycolmap.__version__], sort_keys=True).encode()
     return fingerprint(stated, *(view.rgb(t).tobytes() for t in some))
 
 

@@ -75,20 +75,6 @@ def test_the_support_is_laid_in_its_plane_where_that_is_near() -> None:
     assert np.array_equal(none, depth)
 
 
-def test_features_are_as_colmap_keeps_them_and_found_in_plain_images_too() -> None:
-    grey = np.zeros((120, 160), np.uint8)
-    assert [part.shape for part in colmap.described(grey, 50)] == [(0, 4), (0, 128)]
-    rows, columns = np.mgrid[:120, :160]
-    blob = 250 * np.exp(-((rows - 60) ** 2 + (columns - 100) ** 2) / (2 * 5.0**2))
-    grey = np.rint(blob).astype(np.uint8)
-    places, descriptors = colmap.described(grey, 50)
-    assert places.dtype == np.float32
-    assert descriptors.dtype == np.uint8
-    # The middle of pixel (100, 60) is half a pixel inside; RootSIFT has length 512.
-    assert np.abs(places[:, :2] - [100.5, 60.5]).max(1).min() < 0.5
-    assert np.abs(np.linalg.norm(descriptors.astype(float), axis=1) / 512 - 1).max() < 0.05
-
-
 def test_pairs_are_neighbours_and_powers_of_two() -> None:
     assert colmap._pairs(4, 2) == 3 + 2
     assert colmap._pairs(100, 4) == 99 + 98 + 97 + 96 + 92
