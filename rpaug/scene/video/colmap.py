@@ -127,12 +127,16 @@ def _features(work: Path, focal: float | None, settings: ColmapSettings) -> None
     reader.camera_model = "SIMPLE_RADIAL"
     if focal is not None:
         reader.camera_params = f"{focal},{width / 2},{height / 2},0"
+    read: dict[str, Any] = {"camera_mode": pycolmap.CameraMode.SINGLE}
+    # Numbered first: threads would number images as they come to them.
+    pycolmap.Database.open(work / "features.db").close()
+    pycolmap.import_images(work / "features.db", work / "images", options=reader, **read)
     pycolmap.extract_features(
         work / "features.db",
         work / "images",
-        camera_mode=pycolmap.CameraMode.SINGLE,
         reader_options=reader,
         extraction_options=extraction,
+        **read,
     )
 
 
@@ -143,8 +147,13 @@ def _matches(work: Path, settings: ColmapSettings) -> None:
     matching.use_gpu, matching.num_threads = False, settings.threads
     pairs = pycolmap.SequentialPairingOptions()
     pairs.overlap, pairs.quadratic_overlap = settings.overlap, True
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = settings.seed  # each pair's own, whichever thread comes to it
     pycolmap.match_sequential(
-        work / "features.db", matching_options=matching, pairing_options=pairs
+        work / "features.db",
+        matching_options=matching,
+        pairing_options=pairs,
+        verification_options=verification,
     )
 
 
