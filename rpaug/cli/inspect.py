@@ -94,6 +94,7 @@ def inspect(
             f"  structure from motion: {video['registered']} of {video['frames']} frames, focal length"
             f" {video['focal_px']:.0f} px; lengths are {video['unit']}"
         )
+        say("  kept in the cache, for `augment` too: camera, depth, hands, instances")
     for words in described["unread"]:
         say(f"  warning: not understood: {words}")
     for warning in (*described["misplaced"].values(), *described["arms"]):

@@ -28,6 +28,16 @@ def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]
     return cv2.dilate(mask.astype(np.uint8), square).astype(bool)
 
 
+def bounds(mask: Bool[np.ndarray, "h w"], around: int) -> tuple[slice, slice]:
+    """The rows and columns of what is marked, and so many more on each side; something must be."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    low = [max(0, int(one[0]) - around) for one in (rows, columns)]
+    return (
+        slice(low[0], int(rows[-1]) + around + 1),
+        slice(low[1], int(columns[-1]) + around + 1),
+    )
+
+
 def nearest(
     known: Bool[np.ndarray, "h w"], window: Literal[3, 5] = 5
 ) -> tuple[Int[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:

@@ -65,14 +65,16 @@ def _apply(
         _put(flat, at, _edited(edit, flat.take(at, 0), surfaces(at), at, headroom))
         return inside
     share, foreground = matte(color, inside)
-    whole, mixed = share == 1, (share > 0) & (share < 1)
-    front = foreground[mixed]
-    beside = _nearest(inside, np.flatnonzero(mixed))
+    some = np.flatnonzero(share > 0)
+    parts, flat = share.take(some), color.reshape(-1, 3)
+    mixed, at = some[parts < 1], some[parts == 1]
+    front = foreground.reshape(-1, 3).take(mixed, 0)
+    beside = _nearest(inside, mixed)
     change = _edited(edit, front, surfaces(beside), beside, headroom, keep=False) - front
-    at = np.flatnonzero(whole)
-    color[whole] = _edited(edit, color[whole], surfaces(_nearest(inside, at)), at, headroom)
-    color[mixed] += share[mixed, None] * change
-    return whole | mixed
+    changed = flat.take(mixed, 0) + parts[parts < 1, None] * change
+    _put(flat, at, _edited(edit, flat.take(at, 0), surfaces(_nearest(inside, at)), at, headroom))
+    _put(flat, mixed, changed)
+    return share > 0
 
 
 def _edited(

@@ -12,7 +12,7 @@ from rpaug.core import color_space, sampling, white
 from rpaug.core.memo import of_episode, once
 from rpaug.core.progress import told
 from rpaug.core.types import Body, Episode
-from rpaug.scene.sampled_frames import MOST_PIXELS, frames_to_look_at, look
+from rpaug.scene.sampled_frames import MOST_PIXELS, look
 from rpaug.scene.targets.observed import surface
 from rpaug.scene.targets.roles import NAMES
 
@@ -143,9 +143,8 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
 def _colors(episode: Episode, instance_ids: tuple[int, ...]) -> dict[int, Rgb]:
     """Typical colors over a few frames and all cameras, of the instances that are seen."""
     found: dict[int, list[np.ndarray]] = {instance_id: [] for instance_id in instance_ids}
-    deep = [name for name in _with_ids(episode) if episode.views[name].depth is not None]
-    if deep:
-        _thinned(episode, deep, found)
+    if any(episode.views[name].depth is not None for name in _with_ids(episode)):
+        _thinned(episode, found)
     else:
         _alone(episode, found)
     tints = {one: color_space.typical(np.concatenate(seen)) for one, seen in found.items() if seen}
@@ -165,21 +164,18 @@ def _alone(episode: Episode, found: Mapping[int, list[np.ndarray]]) -> None:
                 found[instance_id].append(image[rows])
 
 
-def _thinned(
-    episode: Episode, cameras: Sequence[str], found: Mapping[int, list[np.ndarray]]
-) -> None:
+def _thinned(episode: Episode, found: Mapping[int, list[np.ndarray]]) -> None:
     """Adds pixels of a few of the sampled frames, thinned as those are; of more for what these do not show."""
-    frames = frames_to_look_at(episode)
-    spread = np.unique(np.linspace(0, len(frames) - 1, COLOR_FRAMES).round().astype(int))
-    for chosen in (spread, np.setdiff1d(np.arange(len(frames)), spread)):
+    sampled = look(episode)
+    spread = np.unique(np.linspace(0, len(sampled.frames) - 1, COLOR_FRAMES).round().astype(int))
+    for chosen in (spread, np.setdiff1d(np.arange(len(sampled.frames)), spread)):
         missing = [instance_id for instance_id, pixels in found.items() if not pixels]
-        for t, name in product(frames[chosen].tolist() if missing else (), cameras):
-            view = episode.views[name]
-            assert view.ids is not None
-            step = max(1, round(view.camera.width / MOST_PIXELS))
-            ids = view.ids(t)[::step, ::step]
+        for s, (c, name) in product(chosen.tolist() if missing else (), enumerate(sampled.cameras)):
+            view, ids = episode.views[name], sampled.ids[s, c]
             shown = [instance_id for instance_id in missing if (ids == instance_id).any()]
             if shown:
-                image = view.rgb(t)[::step, ::step]
+                step = max(1, round(view.camera.width / MOST_PIXELS))
+                image = view.rgb(int(sampled.frames[s]))[::step, ::step]
+                ids = ids[: image.shape[0], : image.shape[1]]
                 for instance_id in shown:
                     found[instance_id].append(image[ids == instance_id])

@@ -1,15 +1,18 @@
 """Structure from motion by COLMAP: SIFT, matches of neighbours in time, then mapping, incremental and global.
 
 Schönberger and Frahm 2016 (Structure-from-Motion Revisited); the global mapper is GLOMAP (Pan et al. 2024, arXiv
-2407.20219). The global one is tried where the incremental one leaves frames out. Mapping runs in one thread, seeded:
-the same frames give the same model.
+2407.20219). The global one is tried where the incremental one leaves frames out, and the incremental one in pieces,
+which makes several models, where neither is believed. Mapping runs in one thread, seeded: the same frames give the same
+model.
 """
 
 import contextlib
 import itertools
 import os
+import sqlite3
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -65,18 +68,27 @@ def reconstruct(
         factor = _lay_out(frame, times, work / "images", settings.width)
         tell(0.1, "features")
         start = None if focal is None else factor * focal
-        _features(work, start, settings)
+        with _watched(work, "descriptors", len(times), lambda d: tell(0.1 + 0.3 * d, "features")):
+            _features(work, start, settings)
         tell(0.4, "matches")
-        _matches(work, settings)
+        pairs = _pairs(len(times), settings.overlap)
+        with _watched(work, "matches", pairs, lambda d: tell(0.4 + 0.2 * d, "matches")):
+            _matches(work, settings)
         tell(0.6, "mapping")
         models = _mapped(work, "incremental", settings, _counting(tell, len(times)))
-        most = max((len(model.times) for model in models), default=0)
-        degenerate = not any(not model.faults(len(times)) for model in models)
-        if most < settings.enough * len(times) or degenerate:
+        if not _whole(models, settings.enough * len(times), len(times)):
             tell(0.8, "mapping at once")
             models += _mapped(work, "global", settings)
+        if not _whole(models, 0, len(times)):
+            tell(0.9, "mapping in pieces")
+            models += _mapped(work, "pieces", settings)
     tell(1.0, "mapped")
     return believed([model.sized(*full) for model in models], len(times))
+
+
+def _whole(models: Sequence[Reconstruction], least: float, frames: int) -> bool:
+    """Whether one of the models can be believed, and has so many frames at least."""
+    return any(len(model.times) >= least and not model.faults(frames) for model in models)
 
 
 def _lay_out(
@@ -115,12 +127,16 @@ def _features(work: Path, focal: float | None, settings: ColmapSettings) -> None
     reader.camera_model = "SIMPLE_RADIAL"
     if focal is not None:
         reader.camera_params = f"{focal},{width / 2},{height / 2},0"
+    read: dict[str, Any] = {"camera_mode": pycolmap.CameraMode.SINGLE}
+    # Numbered first: threads would number images as they come to them.
+    pycolmap.Database.open(work / "features.db").close()
+    pycolmap.import_images(work / "features.db", work / "images", options=reader, **read)
     pycolmap.extract_features(
         work / "features.db",
         work / "images",
-        camera_mode=pycolmap.CameraMode.SINGLE,
         reader_options=reader,
         extraction_options=extraction,
+        **read,
     )
 
 
@@ -131,9 +147,46 @@ def _matches(work: Path, settings: ColmapSettings) -> None:
     matching.use_gpu, matching.num_threads = False, settings.threads
     pairs = pycolmap.SequentialPairingOptions()
     pairs.overlap, pairs.quadratic_overlap = settings.overlap, True
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = settings.seed  # each pair's own, whichever thread comes to it
     pycolmap.match_sequential(
-        work / "features.db", matching_options=matching, pairing_options=pairs
+        work / "features.db",
+        matching_options=matching,
+        pairing_options=pairs,
+        verification_options=verification,
     )
+
+
+def _pairs(frames: int, overlap: int) -> int:
+    """How many pairs of frames are matched: neighbours, and those at powers of two beyond."""
+    apart = {*range(1, overlap + 1), *(2**n for n in range(overlap))}
+    return sum(max(0, frames - away) for away in apart)
+
+
+@contextlib.contextmanager
+def _watched(work: Path, table: str, total: int, tell: Callable[[float], None]) -> Iterator[None]:
+    """Tell every second which share of a table's rows COLMAP has written, which it does not say itself."""
+    done, path = threading.Event(), work / "features.db"
+
+    def watch() -> None:
+        while not done.wait(1.0):
+            # With a write-ahead log whoever reads blocks nobody who writes.
+            if path.with_name("features.db-wal").exists():
+                with contextlib.suppress(sqlite3.Error), contextlib.closing(_reader(path)) as read:
+                    (rows,) = read.execute(f"SELECT count(*) FROM {table}").fetchone()
+                    tell(min(1.0, rows / max(1, total)))
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def _reader(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"file:{path}?mode=ro", uri=True)
 
 
 def _counting(tell: Progress, frames: int) -> Callable[[], None]:
@@ -156,8 +209,9 @@ def _mapped(
     out.mkdir()
     options: Any
     run: Any
-    if mapper == "incremental":
+    if mapper in ("incremental", "pieces"):
         options = pycolmap.IncrementalPipelineOptions()
+        options.multiple_models = mapper == "pieces"
         run = partial(pycolmap.incremental_mapping, next_image_callback=added)
     elif hasattr(pycolmap, "global_mapping"):
         options, run = pycolmap.GlobalPipelineOptions(), pycolmap.global_mapping

@@ -12,9 +12,31 @@ from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from rpaug.core import geometry
 
 SCALE = 150.0  # larger segments for larger values
+LOOK_WIDTH = 480  # pixels, at most, in which instance ids are told
 LEAST = 2.3e-4  # share of the image of the smallest segment
 BLUR = 0.6  # pixels
 TINT, LIGHT = 1.6, 0.6  # of chroma and lightness: shade divides a thing less than another color
+
+
+def reduced_size(width: int, height: int, most: int) -> tuple[int, int]:
+    """Width and height of an image that is made at most `most` pixels wide."""
+    factor = min(1.0, most / width)
+    return round(width * factor), round(height * factor)
+
+
+def reduced(image: UInt8[np.ndarray, "h w 3"], most: int) -> UInt8[np.ndarray, "h2 w2 3"]:
+    """An image made at most `most` pixels wide."""
+    size = reduced_size(image.shape[1], image.shape[0], most)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def reduced_lens(
+    K: Float64[np.ndarray, "3 3"], width: int, height: int, most: int
+) -> Float64[np.ndarray, "3 3"]:
+    """The lens of such an image, from that of the full one: edges of pixels scale, centers lie half a pixel inside."""
+    size = reduced_size(width, height, most)
+    sx, sy = size[0] / width, size[1] / height
+    return np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]]) @ K
 
 
 def segments(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
@@ -29,13 +51,23 @@ def segments(rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
     return np.asarray(found, np.int32)
 
 
-class SegmentedFrames:
-    """Segments of a video's frames at the size of `PosedFrame`, found once for all who ask, and held packed."""
+class SmallFrames:
+    """A video's frames at the size of `PosedFrame` and their segments, each made once for all who ask; segments are
+    held packed."""
 
     def __init__(self) -> None:
+        self._images: dict[int, UInt8[np.ndarray, "h w 3"]] = {}
         self._packed: dict[int, bytes] = {}
 
-    def of(self, t: int, rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
+    def image(
+        self, t: int, full: Callable[[], UInt8[np.ndarray, "h2 w2 3"]]
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """The recorded frame `t`, which `full` gives as a pinhole image of full size."""
+        if t not in self._images:
+            self._images[t] = reduced(full(), LOOK_WIDTH)
+        return self._images[t]
+
+    def segments(self, t: int, rgb: UInt8[np.ndarray, "h w 3"]) -> Int32[np.ndarray, "h w"]:
         """The segments of the recorded frame `t`, which shows `rgb`."""
         if t not in self._packed:
             found = segments(rgb)

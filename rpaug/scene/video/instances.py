@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, Int64
 
 from rpaug.core import geometry
-from rpaug.core.pixels import filled, grown, nearest
+from rpaug.core.pixels import bounds, filled, grown, nearest
 from rpaug.scene.instances import color_clusters, grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
 
@@ -189,7 +189,7 @@ class InstanceMap:
         for instance_id in sorted({*np.unique(named).tolist()} - {BACKGROUND}):
             everywhere = named == instance_id
             reach = max(2, round(REST * float(np.sqrt(everywhere.sum()))))
-            window = _window(everywhere, reach)
+            window = bounds(everywhere, reach)
             mine, names, here = everywhere[window], named[window], shown[window]
             near = grown(mine, reach) & ~mine
             own = color(instance_id)
@@ -224,7 +224,7 @@ class InstanceMap:
         for instance_id in np.flatnonzero(np.bincount(named[middle & ~small[named]])).tolist():
             if instance_id in (BACKGROUND, *self.support):
                 continue
-            window = _window(named == instance_id, len(BETWEEN))
+            window = bounds(named == instance_id, len(BETWEEN))
             mine, inner, here = named[window] == instance_id, middle[window], shown[window]
             free = grown(mine, len(BETWEEN) - 1) & ~mine & ~inner & ~small[named[window]]
             if not free.any() or not (inner & ~mine).any():
@@ -248,16 +248,6 @@ def _inside(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """What is marked without its rim, whose colors are mixed; all of it where nothing is left."""
     inner = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     return inner if inner.any() else mask
-
-
-def _window(mask: Bool[np.ndarray, "h w"], around: int) -> tuple[slice, slice]:
-    """The rows and columns of what is marked, and so many more on each side."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    low = [max(0, int(one[0]) - around) for one in (rows, columns)]
-    return (
-        slice(low[0], int(rows[-1]) + around + 1),
-        slice(low[1], int(columns[-1]) + around + 1),
-    )
 
 
 def _spread(named: np.ndarray, open_: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt16
+from jaxtyping import Int32
 
 from rpaug.core import geometry, pixels
 from rpaug.core.files import write_atomic
@@ -50,15 +50,21 @@ class KeptInstances:
         return found
 
     def frame(
-        self, k: int, find: Callable[[int], UInt16[np.ndarray, "h w"]]
-    ) -> UInt16[np.ndarray, "h w"]:
-        """The kept ids of frame `k`; what `find` finds if none are kept, or they are damaged."""
+        self, k: int, find: Callable[[int], Int32[np.ndarray, "h w"]]
+    ) -> Int32[np.ndarray, "h w"]:
+        """The kept ids of frame `k`, as runs of one id; what `find` finds if none are kept, or they are damaged."""
         path = self.folder / f"{k:05d}.npz"
         with suppress(*DAMAGED), np.load(path, allow_pickle=False) as held:
-            return np.asarray(held["ids"], np.uint16)
+            runs = np.repeat(held["ids"].astype(np.int32), held["lengths"])
+            return runs.reshape(held["shape"])
         found = find(k)
+        flat = found.reshape(-1)
+        starts = np.flatnonzero(np.diff(flat, prepend=flat[0] - 1))
         with suppress(OSError):
-            keep(path, ids=found)
+            keep(
+                path, ids=flat[starts].astype(np.uint16), shape=np.array(found.shape),
+                lengths=np.diff(starts, append=len(flat)),
+            )  # fmt: skip
         return found
 
 

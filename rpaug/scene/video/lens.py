@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
 from rpaug.core import geometry
+from rpaug.core.pixels import differing
 from rpaug.scene.video.model import Reconstruction
 
 WHOLE = 0.9  # share of changed pixels from which on the image was rendered anew
@@ -98,7 +99,7 @@ class Lens:
         after: UInt8[np.ndarray, "h2 w2 3"],
     ) -> UInt8[np.ndarray, "h w 3"]:
         """The recorded image as an edit left it: pixels are new where one that they are blended from changed."""
-        changed = (before != after).any(-1).astype(np.uint8)
+        changed = differing(before, after).astype(np.uint8)
         if not changed.any():
             return recorded
         near = cv2.remap(

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float16, Float32, Float64, Int32, UInt16
 
 from rpaug.core import geometry
+from rpaug.core.jit import kernel
 from rpaug.scene.video.frame import PosedFrame
 from rpaug.scene.video.instances import joined
 
@@ -173,25 +174,47 @@ def _off(
     """1 where the flow leads away from all places that a still point could be at, 0 where not; NaN if it is unsure."""
     height, width = one.depth.shape
     rows, columns = np.mgrid[:height, :width].astype(np.float32)
-    to = np.stack([columns, rows], -1) + flow
-    returned = cv2.remap(back, to[..., 0], to[..., 1], cv2.INTER_LINEAR, borderValue=(1e3, 1e3))
-    sure = np.linalg.norm(flow + returned, axis=-1) < RETURNS
-    ray = np.stack([columns, rows, np.ones_like(rows)], -1) @ np.linalg.inv(one.K).T
+    x, y = columns + flow[..., 0], rows + flow[..., 1]
+    returned = cv2.remap(back, x, y, cv2.INTER_LINEAR, borderValue=(1e3, 1e3))
     way = geometry.inverse(other.cam_to_world) @ one.cam_to_world
-    ends = [_shown(other.K, geometry.transform(way, z * ray)) for z in span]
-    along = ends[1] - ends[0]
-    share = ((to - ends[0]) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-9)
-    nearest = ends[0] + np.clip(share, 0, 1)[..., None] * along
-    allowed = ASIDE + DRIFT * np.linalg.norm(flow, axis=-1)
-    off = np.linalg.norm(to - nearest, axis=-1) > allowed
-    return np.where(sure & np.isfinite(nearest).all(-1), off, np.nan).astype(np.float32)
+    ahead = other.K @ way[:3, :3] @ np.linalg.inv(one.K)
+    out = np.empty((height, width), np.float32)
+    off_line(flow, returned, ahead, other.K @ way[:3, 3], np.array(span), out)
+    return out
 
 
-def _shown(
-    K: Float64[np.ndarray, "3 3"], local: Float64[np.ndarray, "h w 3"]
-) -> Float64[np.ndarray, "h w 2"]:
-    z = local[..., 2:]
-    return np.where(z > 1e-6, (local @ K.T)[..., :2] / np.maximum(z, 1e-6), np.nan)
+@kernel
+def off_line(
+    flow: Float32[np.ndarray, "h w 2"],
+    returned: Float32[np.ndarray, "h w 2"],
+    ahead: Float64[np.ndarray, "3 3"],
+    beside: Float64[np.ndarray, "3"],
+    span: Float64[np.ndarray, "2"],
+    out: Float32[np.ndarray, "h w"],
+) -> None:
+    """Fill in `_off`: what is z ahead of pixel p lies at z * `ahead` p + `beside` in the other image, homogeneous."""
+    ends = np.empty((2, 2))
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            out[r, c] = np.nan
+            u, v = np.float64(flow[r, c, 0]), np.float64(flow[r, c, 1])
+            if np.hypot(u + returned[r, c, 0], v + returned[r, c, 1]) >= RETURNS:
+                continue
+            shown = True
+            for n in range(2):
+                z = span[n] * (ahead[2, 0] * c + ahead[2, 1] * r + ahead[2, 2]) + beside[2]
+                shown &= z > 1e-6
+                for k in range(2):
+                    at = span[n] * (ahead[k, 0] * c + ahead[k, 1] * r + ahead[k, 2]) + beside[k]
+                    ends[n, k] = at / max(z, 1e-6)
+            if not shown:
+                continue
+            along, down = ends[1, 0] - ends[0, 0], ends[1, 1] - ends[0, 1]
+            x, y = c + u - ends[0, 0], r + v - ends[0, 1]
+            share = (x * along + y * down) / max(along * along + down * down, 1e-9)
+            share = min(max(share, 0.0), 1.0)
+            apart = np.hypot(x - share * along, y - share * down)
+            out[r, c] = apart > ASIDE + DRIFT * np.hypot(u, v)
 
 
 def _by_segment(

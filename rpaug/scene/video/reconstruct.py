@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Bool, Float32
 
 from rpaug.core import geometry
 from rpaug.core.cache import place, trim
@@ -19,7 +19,7 @@ from rpaug.providers import poses
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.video import colmap, instances, kept, moving, posed, sweep, world
 from rpaug.scene.video.colmap import ColmapSettings
-from rpaug.scene.video.frame import PosedFrame, SegmentedFrames
+from rpaug.scene.video.frame import PosedFrame, SmallFrames, reduced_lens, reduced_size
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
@@ -85,23 +85,12 @@ def develop(
     name = _name(episode, settings)
     where = cache / name if cache else place("videos", name)
     model = _modelled(episode, settings, where / "model.npz", tell, model_of)
-    lens = Lens(model)
-
-    def image(k: int) -> UInt8[np.ndarray, "h w 3"]:
-        return lens.flat(view.rgb(int(model.times[k])))
-
-    shots = [sweep.shot(image(k), lens.K, pose) for k, pose in enumerate(model.cam_to_world)]
+    lens, small = Lens(model), SmallFrames()
     mapped = f"{fingerprint(model.cam_to_world.tobytes())[:12]}"
-    bounds = [_bounds(model, shot, k) for k, shot in enumerate(shots)]
-    depths = _swept(shots, bounds, where / f"depth-{mapped}.npz", tell)
-
-    segmented = SegmentedFrames()
-
-    @lru_cache(LOOKS_KEPT)
-    def look(k: int) -> PosedFrame:
-        own = partial(segmented.of, int(model.times[k]))
-        return look_at(image(k), lens.K, model.cam_to_world[k], depths[k], own)
-
+    bounds = [_bounds(model, lens, k) for k in range(len(model.times))]
+    shot = partial(_shot, view, model, lens, small)
+    depths = _swept(shot, bounds, where / f"depth-{mapped}.npz", tell)
+    look = _looks(view, model, lens, small, depths)
     given = fingerprint(mapped.encode(), moving.RULE.encode())[:12]
     moved = _moved(look, [span for span, _ in bounds], where / f"moving-{given}.npz", tell)
     if cache is None:
@@ -109,18 +98,46 @@ def develop(
     contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
     masks = list(moved.masks)
     if contradicted:
-        held = [k for k in range(len(shots)) if k not in moved.contradicted]
+        held = [k for k in range(len(bounds)) if k not in moved.contradicted]
         model = _without(model, held, episode.length)
         depths, masks = [depths[k] for k in held], [masks[k] for k in held]
-        look.cache_clear()
+        look = _looks(view, model, lens, small, depths)
     for k, mask in enumerate(masks) if view.hands else ():
         masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
 
     video = VideoScene(
         episode, model, tuple(depths), NO_INSTANCES, RELATIVE, tuple(masks), contradicted,
-        asked.fit_width, segmented,
+        asked.fit_width, small,
     )  # fmt: skip
     return scaled(_standing(_with_kept(video, where, asked)), asked)
+
+
+def _shot(
+    view: CameraView, model: Reconstruction, lens: Lens, small: SmallFrames, k: int
+) -> sweep.SweepImage:
+    """Frame `k` as it is swept; of the full image `small` keeps what others will ask for."""
+    t = int(model.times[k])
+    full = lens.flat(view.rgb(t))
+    small.image(t, lambda: full)
+    return sweep.shot(full, lens.K, model.cam_to_world[k])
+
+
+def _looks(
+    view: CameraView,
+    model: Reconstruction,
+    lens: Lens,
+    small: SmallFrames,
+    depths: Sequence[Float32[np.ndarray, "h w"]],
+) -> Callable[[int], PosedFrame]:
+    """Each frame of the model at the size that things are told in."""
+
+    @lru_cache(LOOKS_KEPT)
+    def look(k: int) -> PosedFrame:
+        t = int(model.times[k])
+        shown = small.image(t, lambda: lens.flat(view.rgb(t)))
+        return look_at(t, shown, lens, model.cam_to_world[k], depths[k], small)
+
+    return look
 
 
 def _without(model: Reconstruction, held: list[int], length: int) -> Reconstruction:
@@ -256,6 +273,7 @@ def _moved(
             if held["shape"].tolist() == [len(spans), *shape]:
                 bits = np.unpackbits(held["masks"], count=len(spans) * shape[0] * shape[1])
                 masks = bits.astype(bool).reshape(len(spans), *shape)
+                tell(1.0, "camera, depth and hands from the cache")
                 return moving.Moving(tuple(masks), tuple(held["contradicted"].tolist()))
     except DAMAGED:
         pass
@@ -338,31 +356,36 @@ def _refused(words: str) -> Reconstruction:
 
 
 def _swept(
-    shots: Sequence[sweep.SweepImage], bounds: Sequence[Bound], path: Path, tell: Progress
+    shot: Callable[[int], sweep.SweepImage], bounds: Sequence[Bound], path: Path, tell: Progress
 ) -> list[Float32[np.ndarray, "h w"]]:
     try:
         with np.load(path, allow_pickle=False) as held:
             stored = list(held["depths"])
-            if len(stored) == len(shots) and stored[0].shape == shots[0].grey.shape:
+            if len(stored) == len(bounds) and stored[0].shape == bounds[0][1].shape:
                 return stored
     except DAMAGED:
         pass
     spans, sparse = zip(*bounds, strict=True)
+    shots = [shot(k) for k in range(len(bounds))]
     depths = sweep.depths(shots, spans, sparse, lambda share: tell(0.6 + 0.25 * share, "depth"))
     kept.keep(path, depths=np.stack(depths))
     return depths
 
 
 def _bounds(
-    model: Reconstruction, shot: sweep.SweepImage, k: int
+    model: Reconstruction, lens: Lens, k: int
 ) -> tuple[tuple[float, float], Float32[np.ndarray, "h w"]]:
     """How near and far a frame's depth may be, and the depth of the points that it saw itself, 0 elsewhere."""
+    K, shape = (
+        reduced_lens(lens.K, *lens.size, sweep.WIDTH),
+        reduced_size(*lens.size, sweep.WIDTH)[::-1],
+    )
     about = model.seen[max(0, k - ASIDE) : k + ASIDE + 1].any(0)
     local = geometry.transform(geometry.inverse(model.cam_to_world[k]), model.points[about])
     z = np.maximum(local[:, 2], 1e-9)
-    row, column, inside = geometry.in_image(local, shot.K, shot.grey.shape)
+    row, column, inside = geometry.in_image(local, K, shape)
     near, far = np.quantile(z[inside if inside.any() else local[:, 2] > 0], [0.02, 0.98])
-    sparse = np.zeros(shot.grey.shape, np.float32)
+    sparse = np.zeros(shape, np.float32)
     own = inside & model.seen[k, about]
     sparse[row[own], column[own]] = z[own]
     return (SPAN[0] * float(near), SPAN[1] * float(far)), sparse

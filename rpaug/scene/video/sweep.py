@@ -13,9 +13,13 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32, UInt8
 
 from rpaug.core import geometry
+from rpaug.core.jit import kernel
+from rpaug.scene.video.frame import reduced, reduced_lens
 from rpaug.scene.video.patches import patches
 
 WINDOW = 5
+NOISE = np.float32(4.0)  # squared grey levels: two levels
+UNSEEN = np.float32(0.3)  # of a window that another image does not show: then it tells nothing
 STEPS = 64  # planes, evenly apart in 1 / depth
 NEIGHBOURS = 6
 WIDTH = 192  # pixels, about: of the images that are swept
@@ -47,13 +51,9 @@ def shot(
     width: int = WIDTH,
 ) -> SweepImage:
     """An image made small enough to be swept."""
-    factor = min(1.0, width / image.shape[1])
-    size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    sx, sy = size[0] / image.shape[1], size[1] / image.shape[0]
-    fit = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+    small, lens = reduced(image, width), reduced_lens(K, image.shape[1], image.shape[0], width)
     grey = cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    return SweepImage(small, grey, fit @ K, cam_to_world)
+    return SweepImage(small, grey, lens, cam_to_world)
 
 
 def depths(
@@ -64,14 +64,14 @@ def depths(
 ) -> list[Float32[np.ndarray, "h w"]]:
     """Depth of every shot, everywhere. `spans` bound it; `sparse` has what is known beforehand, 0 elsewhere."""
     raw = []
+    beside = [neighbours(shots, i, float(np.median(span))) for i, span in enumerate(spans)]
     for i, one in enumerate(shots):
-        near = [shots[j] for j in neighbours(shots, i, float(np.median(spans[i])))]
-        raw.append(swept(one, near, spans[i]))
+        raw.append(swept(one, [shots[j] for j in beside[i]], spans[i]))
         progress(0.8 * (i + 1) / len(shots))
     made = []
     for i, one in enumerate(shots):
         depth, sure = raw[i]
-        others = neighbours(shots, i, float(np.median(spans[i])))
+        others = beside[i]
         votes = np.zeros(depth.shape, np.float32)
         for j in others:
             votes += _confirmed(one, depth, shots[j], raw[j][0])
@@ -143,7 +143,7 @@ def _largest(values: Float32[np.ndarray, "n h w"], count: int) -> Float32[np.nda
 def _moments(grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mean = cv2.boxFilter(grey, -1, (WINDOW, WINDOW))
     square = cv2.boxFilter(grey * grey, -1, (WINDOW, WINDOW))
-    return mean, np.sqrt(np.maximum(square - mean * mean, 0) + 4.0)  # two grey levels of noise
+    return mean, np.sqrt(np.maximum(square - mean * mean, 0) + NOISE)
 
 
 def _correlated(
@@ -156,11 +156,49 @@ def _correlated(
     size = (one.grey.shape[1], one.grey.shape[0])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     seen = cv2.warpPerspective(other.grey, through, size, flags=flags, borderValue=-1e4)
-    missing = cv2.boxFilter((seen < 0).astype(np.float32), -1, (WINDOW, WINDOW)) > 0.3
-    seen = np.maximum(seen, 0)
-    there, wide = _moments(seen)
-    both = cv2.boxFilter(one.grey * seen, -1, (WINDOW, WINDOW))
-    return np.where(missing, np.float32(-1), (both - mean * there) / (spread * wide))
+    out = np.empty_like(seen)
+    correlation(one.grey, mean, spread, np.asarray(seen), out)
+    return out
+
+
+@kernel
+def correlation(
+    grey: Float32[np.ndarray, "h w"],
+    mean: Float32[np.ndarray, "h w"],
+    spread: Float32[np.ndarray, "h w"],
+    seen: Float32[np.ndarray, "h w"],
+    out: Float32[np.ndarray, "h w"],
+) -> None:
+    """Correlation of each pixel's window in two images, of the first of which `mean` and `spread` are known; -1 where
+    the other one, negative where it shows nothing, shows too little. Images are mirrored at their borders."""
+    height, width = grey.shape
+    half, share = WINDOW // 2, np.float32(1 / WINDOW**2)
+    shown, square, both, missing = np.empty((4, width + 2 * half), np.float32)
+    for r in range(height):
+        shown[:], square[:], both[:], missing[:] = 0, 0, 0, 0
+        for k in range(r - half, r + half + 1):
+            row = min(abs(k), 2 * (height - 1) - k)
+            for c in range(width):
+                value = max(seen[row, c], np.float32(0))
+                shown[c + half] += value
+                square[c + half] += value * value
+                both[c + half] += grey[row, c] * value
+                missing[c + half] += np.float32(seen[row, c] < 0)
+        for sums in (shown, square, both, missing):
+            for k in range(1, half + 1):
+                sums[half - k] = sums[half + k]
+                sums[width + half - 1 + k] = sums[width + half - 1 - k]
+        for c in range(width):
+            total, squares, product, unseen = shown[c], square[c], both[c], missing[c]
+            for k in range(1, WINDOW):
+                total += shown[c + k]
+                squares += square[c + k]
+                product += both[c + k]
+                unseen += missing[c + k]
+            there = total * share
+            wide = np.sqrt(max(squares * share - there * there, np.float32(0)) + NOISE)
+            found = (product * share - mean[r, c] * there) / (spread[r, c] * wide)
+            out[r, c] = np.float32(-1) if unseen * share > UNSEEN else found
 
 
 def _confirmed(

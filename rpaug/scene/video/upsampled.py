@@ -6,7 +6,7 @@ of its color. The small outlines themselves do not vote: they are off by some pi
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Int32, UInt8, UInt16
+from jaxtyping import Bool, Int, Int32, UInt8, UInt16
 
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import grown
@@ -57,34 +57,77 @@ def _vote(
     """The id of most weight for each pixel that is near an outline; what none is like keeps its own."""
     height, width = near.shape
     rows, columns = ids.shape
+    across = (2 * REACH + 1) ** 2
     names, weights = np.empty(MOST, np.int32), np.empty(MOST, np.float32)
+    place, slots = np.empty((across, 2), np.int64), np.empty(across, np.int64)
+    colors = np.empty((across, 3), np.int64)
+    down, over = np.empty(2 * REACH + 1, np.float32), np.empty(2 * REACH + 1, np.float32)
     for r in range(height):
+        y = (r + 0.5) * rows / height - 0.5
+        j = int(np.rint(y))
+        for k in range(2 * REACH + 1):
+            down[k] = np.exp(-((j - REACH + k - y) ** 2) / (2 * NEAR * NEAR))
+        asked, count, voters = -1, 0, 0  # full pixels of one small one are asked about the same
         for c in range(width):
             if not near[r, c]:
                 continue
-            y, x = (r + 0.5) * rows / height - 0.5, (c + 0.5) * columns / width - 0.5
-            j, i = int(np.rint(y)), int(np.rint(x))
-            count, best, most = 0, out[r, c], np.float32(1e-3)
-            for v in range(max(j - REACH, 0), min(j + REACH + 1, rows)):
-                for u in range(max(i - REACH, 0), min(i + REACH + 1, columns)):
-                    if not told[v, u]:
-                        continue
-                    off = np.int64(0)
-                    for k in range(3):
-                        off = np.maximum(
-                            off, abs(np.int64(rgb[r, c, k]) - np.int64(small[v, u, k]))
-                        )
-                    apart = ((v - y) ** 2 + (u - x) ** 2) / (2 * NEAR * NEAR)
-                    weight = alike[off] * np.exp(np.float32(-apart))
-                    slot = 0
-                    while slot < count and names[slot] != ids[v, u]:
-                        slot += 1
-                    if slot == count:
-                        if count == MOST:
-                            continue
-                        names[slot], weights[slot], count = ids[v, u], 0, count + 1
-                    weights[slot] += weight
+            x = (c + 0.5) * columns / width - 0.5
+            i = int(np.rint(x))
+            if i != asked:
+                asked = i
+                count, voters = _around(ids, told, small, j, i, names, place, slots, colors)
+            if count == 0 or (count == 1 and names[0] == out[r, c]):
+                continue
+            for k in range(2 * REACH + 1):
+                over[k] = np.exp(-((i - REACH + k - x) ** 2) / (2 * NEAR * NEAR))
+            weights[:count] = 0
+            red, green, blue = (
+                np.int64(rgb[r, c, 0]),
+                np.int64(rgb[r, c, 1]),
+                np.int64(rgb[r, c, 2]),
+            )
+            for n in range(voters):
+                off = max(
+                    abs(red - colors[n, 0]), abs(green - colors[n, 1]), abs(blue - colors[n, 2])
+                )
+                weights[slots[n]] += alike[off] * down[place[n, 0]] * over[place[n, 1]]
+            best, most = out[r, c], np.float32(1e-3)
             for slot in range(count):
                 if weights[slot] > most:
                     best, most = names[slot], weights[slot]
             out[r, c] = best
+
+
+@kernel
+def _around(
+    ids: Int32[np.ndarray, "a b"],
+    told: Bool[np.ndarray, "a b"],
+    small: UInt8[np.ndarray, "a b 3"],
+    j: int,
+    i: int,
+    names: Int32[np.ndarray, "m"],
+    place: Int[np.ndarray, "n 2"],
+    slots: Int[np.ndarray, "n"],
+    colors: Int[np.ndarray, "n 3"],
+) -> tuple[int, int]:
+    """How many ids the small pixels around (j, i) have that vote, and how many do: fills the ids, and of each voter
+    its place in the window, its id's number and its color."""
+    rows, columns = ids.shape
+    count, voters = 0, 0
+    for v in range(max(j - REACH, 0), min(j + REACH + 1, rows)):
+        for u in range(max(i - REACH, 0), min(i + REACH + 1, columns)):
+            if not told[v, u]:
+                continue
+            slot = 0
+            while slot < count and names[slot] != ids[v, u]:
+                slot += 1
+            if slot == count:
+                if count == MOST:
+                    continue
+                names[slot], count = ids[v, u], count + 1
+            place[voters, 0], place[voters, 1] = v - j + REACH, u - i + REACH
+            slots[voters] = slot
+            for k in range(3):
+                colors[voters, k] = small[v, u, k]
+            voters += 1
+    return count, voters

@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
-from rpaug.core.pixels import grown
+from rpaug.core.jit import kernel
+from rpaug.core.pixels import bounds, grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
-from rpaug.scene.video import instances, sweep
-from rpaug.scene.video.frame import PosedFrame, SegmentedFrames, segments
+from rpaug.scene.video import instances
+from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
@@ -27,7 +28,6 @@ from rpaug.scene.video.upsampled import upsampled
 SURE = 0.6  # of its roles: nothing checks them by contact
 KEPT = 8  # images of one kind
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
-LOOK_WIDTH = 480  # pixels, at most, in which instance ids are told
 AROUND = 9  # pixels around what moves by itself that tell how far what it hides is
 BEFORE = 0.9  # of that: nothing tells how far it is, but it hides the rest
 
@@ -44,7 +44,7 @@ class VideoScene:
     moving: tuple[Bool[np.ndarray, "h w"], ...] = ()  # what moves by itself, frame by frame
     contradicted: tuple[int, ...] = ()  # recorded frames whose poses were not believed
     fit_width: int = 320  # pixels: of the images that Gaussians are fitted to
-    segmented: SegmentedFrames = field(default_factory=SegmentedFrames)
+    small: SmallFrames = field(default_factory=SmallFrames)
     kept: KeptInstances | None = None  # where instance ids that were told before lie
 
     @cached_property
@@ -170,10 +170,10 @@ class VideoScene:
         depth = depth.copy()
         count, parts = cv2.connectedComponents(mine)
         for number in range(1, count):
-            part = parts == number
-            around = grown(part, AROUND)
-            beside = depth[around & (mine == 0)]
-            depth[part] = BEFORE * (np.quantile(beside, 0.1) if beside.size else depth[part].min())
+            window = bounds(parts == number, AROUND)
+            part, near = parts[window] == number, depth[window]
+            beside = near[grown(part, AROUND) & (mine[window] == 0)]
+            near[part] = BEFORE * (np.quantile(beside, 0.1) if beside.size else near[part].min())
         return depth
 
     def _on_support(self, k: int, depth: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
@@ -181,15 +181,15 @@ class VideoScene:
             return depth
         view = self.episode.views[self.name]
         assert view.ids is not None
-        mine = np.isin(view.ids(k), list(self.instances.support))
-        pose = self.model.cam_to_world[k]
-        met = instances.plane_depth(self.lens.K, pose, depth.shape, self.instances.level)
-        near = mine & (met > 0) & (np.abs(met / depth - 1) < SNAP)
-        return np.where(near, met, depth).astype(np.float32)
+        support = np.array(sorted(self.instances.support), np.int32)
+        pose, level = self.model.cam_to_world[k], self.instances.level
+        return laid(view.ids(k), depth, support, self.lens.K, pose, level)
 
     def _ids(self, k: int) -> Int32[np.ndarray, "h w"]:
-        image = self.episode.views[self.name].rgb(k)
-        return upsampled(self._given(k), image)
+        return self._find_ids(k) if self.kept is None else self.kept.frame(k, self._find_ids)
+
+    def _find_ids(self, k: int) -> Int32[np.ndarray, "h w"]:
+        return upsampled(self._tell(k), self.episode.views[self.name].rgb(k))
 
     @cached_property
     def _named(self) -> Callable[[int], tuple[PosedFrame, Int32[np.ndarray, "h w"]]]:
@@ -202,21 +202,12 @@ class VideoScene:
 
         return named
 
-    @cached_property
-    def _given(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
-        """Handles of each frame at the size that they are told in, kept once told."""
-
-        @lru_cache(None)
-        def given(k: int) -> UInt16[np.ndarray, "h w"]:
-            return self._tell(k) if self.kept is None else self.kept.frame(k, self._tell)
-
-        return given
-
     def look(self, k: int) -> PosedFrame:
         """Frame `k` at the size that instance ids are told in."""
-        segmented = partial(self.segmented.of, int(self.model.times[k]))
-        pose, image = self.model.cam_to_world[k], self._rgb(k)
-        return look_at(image, self.lens.K, pose, self.depths[k], segmented)
+        t = int(self.model.times[k])
+        view = self.episode.views[self.name]
+        image = self.small.image(t, partial(view.rgb, k))
+        return look_at(t, image, self.lens, self.model.cam_to_world[k], self.depths[k], self.small)
 
     def _tell(self, k: int) -> UInt16[np.ndarray, "h w"]:
         look, named = self._named(k)
@@ -227,15 +218,42 @@ class VideoScene:
         return ids.astype(np.uint16)
 
 
-def look_at(
-    image: UInt8[np.ndarray, "h w 3"],
+@kernel
+def laid(
+    ids: Int32[np.ndarray, "h w"],
+    depth: Float32[np.ndarray, "h w"],
+    support: Int32[np.ndarray, "k"],
     K: Float64[np.ndarray, "3 3"],
     pose: Float64[np.ndarray, "4 4"],
+    level: float,
+) -> Float32[np.ndarray, "h w"]:
+    """Depth with the pixels of `support`, ascending ids, in the plane z = `level` where that is near: `plane_depth`."""
+    out = depth.copy()
+    if not len(support):
+        return out
+    for r in range(ids.shape[0]):
+        y = (r - K[1, 2]) / K[1, 1]
+        for c in range(ids.shape[1]):
+            place = min(np.searchsorted(support, ids[r, c]), len(support) - 1)
+            if support[place] != ids[r, c]:
+                continue
+            x = (c - K[0, 2]) / K[0, 0]
+            met = (level - pose[2, 3]) / (pose[2, 0] * x + pose[2, 1] * y + pose[2, 2])
+            if met > 0 and abs(met / depth[r, c] - 1) < SNAP:
+                out[r, c] = met
+    return out
+
+
+def look_at(
+    t: int,
+    image: UInt8[np.ndarray, "h w 3"],
+    lens: Lens,
+    pose: Float64[np.ndarray, "4 4"],
     depth: Float32[np.ndarray, "a b"],
-    segmented: Callable[[UInt8[np.ndarray, "h w 3"]], Int32[np.ndarray, "h w"]] = segments,
+    small: SmallFrames,
 ) -> PosedFrame:
-    """A frame at the size that things are told in."""
-    small = sweep.shot(image, K, pose, LOOK_WIDTH)
-    size = (small.rgb.shape[1], small.rgb.shape[0])
-    fitting = 1 / cv2.resize(1 / depth, size, interpolation=cv2.INTER_LINEAR)
-    return PosedFrame(small.rgb, fitting.astype(np.float32), small.K, pose, segmented=segmented)
+    """The recorded frame `t`, of which `small` holds this image, with its segments found once."""
+    fitting = 1 / cv2.resize(1 / depth, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    K = reduced_lens(lens.K, *lens.size, LOOK_WIDTH)
+    segmented = partial(small.segments, t)
+    return PosedFrame(image, fitting.astype(np.float32), K, pose, segmented=segmented)
