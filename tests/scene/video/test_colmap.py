@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,18 @@ def test_a_walk_is_found() -> None:
     assert np.sqrt((off**2).sum(1).mean()) < 0.05 * way
     assert found.focal == pytest.approx(cameras.intrinsics("front", SIZE)[0, 0], rel=0.15)
     assert not found.faults(LENGTH)
+
+
+def test_threads_change_nothing() -> None:
+    """Whichever thread comes to an image or a pair first."""
+    images = filmed(walk(0.05))
+    models = [
+        colmap.reconstruct(images, range(LENGTH), settings=replace(RULE, threads=threads))
+        for threads in (1, 2, 3)
+    ]
+    for other in models[1:]:
+        assert other.times.tolist() == models[0].times.tolist()
+        assert other.cam_to_world.tobytes() == models[0].cam_to_world.tobytes()
 
 
 def test_a_head_that_only_turns_is_refused() -> None:
