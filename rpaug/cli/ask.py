@@ -21,10 +21,10 @@ from rpaug.cli.console import (
 )
 from rpaug.core.errors import BadInput, RpaugError
 
-# Long: the options of a command are its signature.
 SHORT = "Without a model short commands are understood; one understands free wording: --llm URL --model NAME.\n"
 
 
+# Long: the options of a command are its signature.
 def ask(
     dataset: Dataset,
     wish: Annotated[str, typer.Argument(help="What to change, in English.", show_default=False)],

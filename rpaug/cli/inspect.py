@@ -48,6 +48,7 @@ def inspect(
     if episode is None and (below := _several(dataset)):
         return _listed(dataset, below, as_json)
 
+    from rpaug.core.sampling import spans
     from rpaug.core.visible import quoted
     from rpaug.pipeline import inputs
     from rpaug.pipeline import inspect as inspection
@@ -93,6 +94,7 @@ def inspect(
         say(
             f"  structure from motion: {video['registered']} of {video['frames']} frames, focal length"
             f" {video['focal_px']:.0f} px; lengths are {video['unit']}"
+            + (f"; no camera pose in {spans(lost)}" if (lost := video["passed_through"]) else "")
         )
         say("  kept in the cache, for `augment` too: camera, depth, hands, instances")
     for words in described["unread"]:

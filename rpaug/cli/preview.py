@@ -29,6 +29,12 @@ def preview(
             min=1, help="Of each episode, at most; 24, or 12 of more than three episodes."
         ),
     ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick", help="First draws, unjudged: gates take all frames, minutes of a video."
+        ),
+    ] = False,
     serve: Annotated[
         bool, typer.Option("--serve", help="Edit the recipe in the browser, on this machine alone.")
     ] = False,
@@ -66,7 +72,9 @@ def preview(
     pages.replaced(out)
     keys = pages.chosen(dataset, episode, episodes)
     with progress_bar("previewing", as_json) as count:
-        made = pages.page(dataset, keys, loaded, draws=draws, frames=frames, count=count)
+        made = pages.page(
+            dataset, keys, loaded, draws=draws, frames=frames, judged=not quick, count=count
+        )
     write_atomic(out, made)
     if as_json:
         size = round(len(made) / 1e6, 2)

@@ -1,6 +1,6 @@
 """A few frames that stand for an episode: looked at once, by whatever needs statistics of its pixels."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from jaxtyping import Int32, UInt8
@@ -20,3 +20,10 @@ def images(
     for name, view in episode.views.items():
         for t in frames(episode.length, count):
             yield name, t, view.rgb(t), view.ids(t) if view.ids else None
+
+
+def spans(numbers: Collection[int]) -> str:
+    """Ascending numbers in words, those in a row as one: "3 to 5, 9"."""
+    first = [one for one in numbers if one - 1 not in numbers]
+    last = [one for one in numbers if one + 1 not in numbers]
+    return ", ".join(f"{a} to {b}" if a < b else str(a) for a, b in zip(first, last, strict=True))

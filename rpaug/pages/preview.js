@@ -173,7 +173,8 @@ function told() {
   } else if (shot && shot.judged) {
     const figures = Object.entries(shot.measured).map(measured).join(", ");
     gates.textContent = figures ? "gates passed: " + figures : "gates passed";
-  } else if (shot) gates.textContent = "gates are being measured, over all frames";
+  } else if (shot && DATA.served) gates.textContent = "gates are being measured, over all frames";
+  else if (shot) gates.textContent = "gates were not measured (--quick): a run may draw it again";
   if (shot && shot.failed.length) gates.textContent += `. It was drawn again, since a draw before it failed: ${shot.failed.join("; ")}`;
   const change = element("p", {className: "soft", textContent: shot ? "mean change, levels of 255: " + Object.entries(shot.change).map(([k, v]) => `${k} ${v}`).join(", ") : ""});
   $("drawn").replaceChildren(list, gates, change);

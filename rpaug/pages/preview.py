@@ -33,9 +33,11 @@ def page(
     *,
     draws: int = DRAWS,
     frames: int | None = None,
+    judged: bool = True,
     count: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> bytes:
-    """The page of these episodes with copies 1, 2, ... as `rpaug augment` makes them, gates and redraws included.
+    """The page of these episodes with copies 1, 2, ... as `rpaug augment` makes them, gates and redraws included; the
+    first draw of each, and no more than the frames that are shown, where they are not to be `judged`.
 
     `count` is called with the copies that are done, and all. Raises RpaugError.
     """
@@ -49,7 +51,7 @@ def page(
         times = thinned(described["length"], frames)
         made = []
         for copy in range(1, draws + 1):
-            made.append(session.drawn(recipe, copy, times, judged=True))
+            made.append(session.drawn(recipe, copy, times, judged=judged))
             progress.told(key, progress.COPY, copy, draws)
         shown.append(
             {**described, "frames": times, "before": deepcopy(session.before(times)), "draws": made}

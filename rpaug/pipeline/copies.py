@@ -16,6 +16,7 @@ from rpaug.compose import views
 from rpaug.core import devices, progress
 from rpaug.core.errors import Missing, TargetError, Unsupported
 from rpaug.core.interfaces import Operator, Painted
+from rpaug.core.sampling import spans
 from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
@@ -143,13 +144,9 @@ class Made:
         placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
         if not missing or not placed:
             return ()
-        first = [t for t in missing if t - 1 not in missing]
-        last = [t for t in missing if t + 1 not in missing]
-        spans = ", ".join(
-            f"{a} to {b}" if a < b else str(a) for a, b in zip(first, last, strict=True)
-        )
         total = f"{len(missing)} of {len(missing) + self.episode.length} frames"
-        return (f"{total} ({spans}) have no camera pose and go without {', '.join(placed)}",)
+        lacking = f"({spans(missing)}) have no camera pose and go without {', '.join(placed)}"
+        return (f"{total} {lacking}",)
 
     @property
     def repainted(self) -> dict[int, str]:

@@ -51,6 +51,7 @@ WIDTH = 118  # columns of a comment
 SEE = "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT."
 
 
+COPIES = 4  # of each episode
 OFTEN = 0.5  # of the copies in which an edit is
 OFTENER = 0.9  # where few edits can be made, or many copies would be the recording
 PROBABILITY = re.compile(r"probability: [0-9.]+")
@@ -123,9 +124,11 @@ def often(one: Offer, share: float) -> Offer:
     return replace(one, entry=PROBABILITY.sub(f"probability: {share:g}", one.entry))
 
 
-def text(of: Tried, offers: Sequence[Offer], copies: int = 4, asked: bool = False) -> str:
-    """The recipe as YAML with comments, of these offers; where nobody was `asked` few edits are made more often."""
+def text(of: Tried, offers: Sequence[Offer], copies: int | None = None, asked: bool = False) -> str:
+    """The recipe as YAML with comments, of these offers; where nobody was `asked` few edits are made more often. Of a
+    video whose camera was worked out it makes one copy, which takes minutes, unless `copies` says how many."""
     lines = list[str]()
+    copies = copies or (1 if "film" in of.described else COPIES)
     for one in offers:
         lines += [line for note in one.notes for line in _comment(note, "  # ")]
         if one.reason is None:

@@ -103,6 +103,22 @@ def test_frames_that_are_left_out_are_said(page: bytes) -> None:
     assert b"of which" in page
 
 
+def test_what_is_not_to_be_judged_renders_the_shown_frames_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("gates take all frames")
+
+    monkeypatch.setattr(Session, "judged", refuse)
+    keys = preview.chosen(registry.SAMPLE, None, 1)
+    made = preview.page(
+        registry.SAMPLE, keys, recipe.build(RECIPE), draws=1, frames=2, judged=False
+    )
+    (draw,) = held(made)["episodes"][0]["draws"]
+    assert not draw["judged"]
+    assert draw["change"]["front"] > 0
+
+
 def test_a_dataset_that_is_being_written_is_named(
     tmp_path: Path,
 ) -> None:

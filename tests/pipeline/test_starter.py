@@ -138,6 +138,12 @@ def test_a_thing_without_a_role_is_offered_as_a_comment() -> None:
         recipe.build({"version": 1, "edits": [starter.parse(line[6:].encode(), "r")[0]]})
 
 
+def test_of_a_video_one_copy_is_made_for_it_takes_minutes() -> None:
+    episode, described = photographed()
+    assert "copies: 4 " in written(episode, described)
+    assert "copies: 1 " in written(episode, described | {"film": {}})
+
+
 def test_doubted_roles_are_not_listed_as_found() -> None:
     episode, described = photographed()
     head = written(episode, described).partition("version: 1")[0].replace("\n# ", " ")
