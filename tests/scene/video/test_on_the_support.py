@@ -87,15 +87,25 @@ def test_a_simulator_has_no_light_from_all_sides(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("photographs", [True, False])
-def test_what_goes_from_photographs_takes_its_blur_along(scene: Scene, photographs: bool) -> None:
+def test_what_goes_takes_along_what_it_shows_beside_its_outline(
+    scene: Scene, photographs: bool
+) -> None:
+    """In photographs its blur; where masks were recorded the one pixel that anti-aliasing mixes, and else nothing."""
     (view,) = scene.episode.views.values()
     episode = replace(scene.episode, views={"ego": replace(view, inferred=photographs)})
     known = replace(scene, episode=episode)
     assert view.ids is not None
     instance_id = next(h for h in range(5, 8) if (view.ids(5) == h).sum() > 50)
-    edited = without(known, [instance_id])
-    drawn = surfels.view(surfels.build(edited), edited, "ego", 5)
     inside = view.ids(5) == instance_id
     rim = (cv2.dilate(inside.astype(np.uint8), np.ones((3, 3))) > 0) & ~inside
-    assert (drawn.source[inside] != 0).all()
-    assert (drawn.source[rim] != 0).all() if photographs else (drawn.source[rim] == 0).all()
+    beyond = (cv2.dilate(inside.astype(np.uint8), np.ones((5, 5))) > 0) & ~inside & ~rim
+
+    def source(of: Scene) -> np.ndarray:
+        edited = without(of, [instance_id])
+        return np.asarray(surfels.view(surfels.build(edited), edited, "ego", 5).source)
+
+    drawn = source(known)
+    assert (drawn[inside | rim] != 0).all()
+    if not photographs:
+        assert (drawn[beyond] == 0).all()
+        assert (source(replace(known, antialiased=False))[rim] == 0).all()
