@@ -31,10 +31,10 @@ def grown(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]
 def bounds(mask: Bool[np.ndarray, "h w"], around: int) -> tuple[slice, slice]:
     """The rows and columns of what is marked, and so many more on each side; something must be."""
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    low = [max(0, int(one[0]) - around) for one in (rows, columns)]
+    height, width = mask.shape
     return (
-        slice(low[0], int(rows[-1]) + around + 1),
-        slice(low[1], int(columns[-1]) + around + 1),
+        slice(max(0, int(rows[0]) - around), min(height, int(rows[-1]) + around + 1)),
+        slice(max(0, int(columns[0]) - around), min(width, int(columns[-1]) + around + 1)),
     )
 
 

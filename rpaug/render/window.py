@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from rpaug.core.jit import kernel
+from rpaug.core.pixels import bounds
 from rpaug.render.outlines import RADIUS, Footprints
 from rpaug.render.pinhole import NEAR, intrinsics, map_pixel, relative
 from rpaug.render.zbuffer import Source, nearness
@@ -58,16 +59,7 @@ def around(
     cam_to_world: Float64[np.ndarray, "4 4"],
 ) -> Window | None:
     """The window on all marked pixels of a camera's image and some around them, None if there are none."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    if not len(rows):
-        return None
-    height, width = mask.shape
-    return Window(
-        slice(max(0, int(rows[0]) - AROUND), min(height, int(rows[-1]) + AROUND + 1)),
-        slice(max(0, int(columns[0]) - AROUND), min(width, int(columns[-1]) + AROUND + 1)),
-        K,
-        cam_to_world,
-    )
+    return Window(*bounds(mask, AROUND), K, cam_to_world) if mask.any() else None
 
 
 def trimmed(source: Source, rim: int = RIM) -> Source:
