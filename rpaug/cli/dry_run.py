@@ -12,6 +12,7 @@ from tempfile import TemporaryFile
 from typing import Any, TextIO
 
 from rpaug.cli.console import counted, say, warn
+from rpaug.cli.progress import progress_bar
 from rpaug.core.errors import RpaugError
 
 SHOWN = 3  # episodes that are listed, of those of which the same is said
@@ -28,8 +29,9 @@ def print_plans(run: Any, resume: bool, as_json: bool) -> int:
     planned, failed, known, alike = 0, dict[str, str](), list[str](), _Alike()
     warned = Counter[str]()
     total, start, stored = {"seconds": 0.0, "megabytes": 0.0}, 0.0, _Stored(run)
-    with TemporaryFile("w+") as plans:
+    with TemporaryFile("w+") as plans, progress_bar("planning", as_json) as progress:
         for at, key in enumerate(run.keys):
+            progress(at, len(run.keys))
             if not run.makes(at):
                 continue
             try:

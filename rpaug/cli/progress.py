@@ -17,7 +17,7 @@ Shown = Callable[["Position"], None]
 
 
 class Position:
-    """What is done of what is to be done, jobs under way among it by their shares: it never goes back."""
+    """What is done of what is to be done, copies under way among it by their frames: it never goes back."""
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self.title, self.total, self.reached, self.stage = title, 0, 0.0, ""
@@ -42,7 +42,7 @@ class Position:
         self._follow(f"{key}: {told['stage']}", share)
         if told["stage"] == progress.COPY:
             self._copies[key], self._share[key] = told["done"], 0.0
-        else:
+        elif told["stage"] == progress.FRAMES:
             self._copies.setdefault(key, 0)
             self._share[key] = share
         of = f", {told['done']} of {told['total']}" if told["total"] else ""
@@ -68,14 +68,15 @@ class Position:
 
     @property
     def left(self) -> str:
-        """The time left in words, of the stage where parts are not counted; empty while too little tells it."""
-        if not self.total:
+        """The time left in words, of the stage alone before a frame of a copy tells; empty while too little does."""
+        if self._first is None:
             _, began, first, share = self._stage
             made = share - first
-            return (
-                f"about {_span((self._clock() - began) * (1 - share) / made)} left" if made else ""
-            )
-        if self._first is None or not 0.1 <= self.reached < self.total:
+            if not made:
+                return ""
+            left = (self._clock() - began) * (1 - share) / made
+            return f"about {_span(left)} left of this stage"
+        if not 0.1 <= self.reached < self.total:
             return ""
         spent, made = self.seconds, self.reached
         if self.reached < 1:  # what came before the first frame tells nothing of the next ones

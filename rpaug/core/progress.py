@@ -14,6 +14,8 @@ Told = Mapping[str, Any]
 
 COPY = "copy written"
 """The stage whose `done` are copies of the episode that are there, of `total`."""
+FRAMES = "making frames"
+"""The stage whose parts are frames of a copy."""
 FINISHED = "finished"
 """The stage after which nothing more comes of an episode."""
 

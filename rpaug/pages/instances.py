@@ -11,6 +11,7 @@ from rpaug.core.types import Episode
 from rpaug.core.visible import quoted
 from rpaug.pages.document import color_of, document, facts, figure, outlined, png
 from rpaug.pipeline import role_facts
+from rpaug.pipeline.inspect import recorded_frames
 from rpaug.scene.targets.survey import InstanceSummary
 
 MARGIN = 4  # pixels around an instance's thumbnail
@@ -20,17 +21,17 @@ HEIGHT = 480  # pixels of an outlined image, at least, by whole factors
 def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[InstanceSummary]) -> bytes:
     """The page of what `inspect` found: `described` its plain values, `rows` one summary per instance."""
     given = html.escape
-    names = labels(rows)
+    names, recorded = labels(rows), recorded_frames(described)
     notes = [*(f"not understood: {words}" for words in described["unread"]), *described["assumed"]]
     notes += [f"{name}: {words}" for name, words in described["misplaced"].items()]
     body = (
         f"<h1>{given(quoted(described['instruction']))}</h1>"
         f"{facts(_facts(described, rows))}"
         f"{''.join(f'<p class=bad>{given(words)}</p>' for words in notes)}"
-        f"<div class='views large'>{''.join(_views(episode, names))}</div>"
+        f"<div class='views large'>{''.join(_views(episode, names, recorded))}</div>"
         f"{_roles(described)}<h2>Instances</h2><div class=scroll tabindex=0><table><tr><th><th>handle<th>role<th>color"
         "<th>size, cm<th>motion<th>residual, mm<th>seen in frames</tr>"
-        f"{''.join(_row(episode, row, names[row.instance_id][1]) for row in rows)}</table></div>"
+        f"{''.join(_row(episode, row, names[row.instance_id][1], recorded) for row in rows)}</table></div>"
         f"<h2>Cameras</h2><ul class=told>{''.join(_cameras(described))}</ul>"
     )
     return document(f"rpaug inspect: {described['episode']}", body)
@@ -85,7 +86,11 @@ def _roles(described: Mapping[str, Any]) -> str:
     return f"<h2>Roles</h2><ul class=told>{lines}</ul>" if lines else ""
 
 
-def _views(episode: Episode, names: Mapping[int, tuple[str, tuple[int, int, int]]]) -> list[str]:
+def _views(
+    episode: Episode,
+    names: Mapping[int, tuple[str, tuple[int, int, int]]],
+    recorded: Sequence[int],
+) -> list[str]:
     """One frame a camera, every instance outlined and named; the frame alone where there are no ids."""
     t, found = episode.length // 2, []
     for name, view in episode.views.items():
@@ -93,11 +98,16 @@ def _views(episode: Episode, names: Mapping[int, tuple[str, tuple[int, int, int]
         if view.ids is not None:
             scale = max(1, -(-HEIGHT // image.shape[0]))
             image = outlined(image, view.ids(t), names, scale)
-        found.append(figure(png(image), name, f"{name}, frame {t}"))
+        found.append(figure(png(image), name, f"{name}, frame {recorded[t]}"))
     return found
 
 
-def _row(episode: Episode, row: InstanceSummary, color: tuple[int, int, int]) -> str:
+def _row(
+    episode: Episode,
+    row: InstanceSummary,
+    color: tuple[int, int, int],
+    recorded: Sequence[int],
+) -> str:
     size = " × ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
     shown = ",".join(str(round(255 * channel)) for channel in row.color)
     return (
@@ -105,7 +115,7 @@ def _row(episode: Episode, row: InstanceSummary, color: tuple[int, int, int]) ->
         f"{row.instance_id}<td>{row.role or '–'}"
         f"<td><span class=dot style='background:rgb({shown})'></span>{row.color_name}<td>{size}"
         f"<td>{row.motion}{' (ambiguous)' if row.ambiguous else ''}<td>{row.residual_mm:.2f}"
-        f"<td>{row.frames} ({row.first_frame}–{row.last_frame})"
+        f"<td>{row.frames} ({recorded[row.first_frame]}–{recorded[row.last_frame]})"
     )
 
 

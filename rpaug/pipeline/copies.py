@@ -383,7 +383,7 @@ def render(
     def watch(frame: views.RenderedFrame) -> None:
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
-        progress.told(scene.episode.key, "making frames", len(tally.total), sum(every))
+        progress.told(scene.episode.key, progress.FRAMES, len(tally.total), sum(every))
         if frame.ids is not None:
             tally.mask(camera, t, frame.ids)
         if frame.hole is not None:

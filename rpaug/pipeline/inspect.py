@@ -61,7 +61,8 @@ def inspect(
     described["roles"] = role_facts.describe(scene)
     described["light"] = beliefs.described(scene)
     described["antialiased"] = scene.antialiased
-    described["instances"] = [_described(row) for row in rows]
+    recorded = recorded_frames(described)
+    described["instances"] = [_described(row, recorded) for row in rows]
     return described, rows, scene.episode
 
 
@@ -145,9 +146,17 @@ def _guessed(
     ]
 
 
-def _described(row: InstanceSummary) -> dict[str, Any]:
-    """Plain values; the instance id goes by the key that recipes use."""
+def recorded_frames(described: Mapping[str, Any]) -> list[int]:
+    """Which recorded frame each one is that instances were told in: of a video those alone that have a camera pose."""
+    lost = set(described.get("film", {}).get("passed_through", ()))
+    return [t for t in range(described["frames"]) if t not in lost]
+
+
+def _described(row: InstanceSummary, recorded: Sequence[int]) -> dict[str, Any]:
+    """Plain values; the instance id goes by the key that recipes use, frames by their recorded numbers."""
     facts = asdict(row) | {
+        "first_frame": recorded[row.first_frame],
+        "last_frame": recorded[row.last_frame],
         "body": sorted(row.body),
         "pixels": dict(row.pixels),
         "moving": row.moving,

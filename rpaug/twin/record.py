@@ -199,7 +199,7 @@ def _views(
     reels = {name: _blank(motion.length, size) for name in rig}
     with closing(Renderer(world, look, size)) as renderer:
         for t in range(motion.length):
-            progress.told(key, "rendering frames", t, motion.length)
+            progress.told(key, progress.FRAMES, t, motion.length)
             renderer.pose(
                 motion.joint_positions[t],
                 motion.opening[t],

@@ -81,9 +81,25 @@ def test_time_left_is_that_of_the_stage_where_parts_are_not_counted() -> None:
     for seconds, done in ((0.0, 40), (10.0, 60)):
         now[0] = seconds
         position.hear({"key": "a", "stage": "depth", "done": done, "total": 100})
-    assert position.left == "about 20 s left"
+    assert position.left == "about 20 s left of this stage"
     position.hear({"key": "a", "stage": "measuring", "done": 0, "total": 0})
     assert position.left == ""
+
+
+def test_what_comes_before_the_first_frame_is_no_share_of_a_copy() -> None:
+    now = [0.0]
+    position = shown.Position("augmenting", lambda: now[0])
+    position.count(0, 2)
+    for seconds, done in ((0.0, 0), (100.0, 50)):
+        now[0] = seconds
+        position.hear({"key": "a", "stage": "depth, percent", "done": done, "total": 100})
+    assert position.counted == "0 of 2"
+    assert position.left == "about 2 min left of this stage"
+    for seconds, done in ((200.0, 0), (201.0, 1), (210.0, 10)):
+        now[0] = seconds
+        position.hear({"key": "a", "stage": progress.FRAMES, "done": done, "total": 20})
+    assert position.counted == "0.5 of 2"
+    assert position.left == "about 30 s left"  # 1.5 copies, a second each frame
 
 
 def test_nobody_hears_what_is_told_afterwards() -> None:
@@ -108,7 +124,7 @@ def test_recording_counts_episodes_and_frames(
 ) -> None:
     given = ["--frames", 12, "--size", 16, "--episodes", 2, "--out", tmp_path / "truth"]
     told = stderr_of(monkeypatch, "twin", "record", "--task", "push_button", *given)
-    assert "rendering frames, 11 of 12" in told
+    assert "making frames, 11 of 12" in told
     assert "recording: 1 of 2; about" in told
     assert "recording: 2 of 2" in told
 
@@ -129,4 +145,4 @@ def test_a_view_says_what_it_does_frame_by_frame(
 ) -> None:
     told = stderr_of(monkeypatch, "view", template, "--rerun", tmp_path / "a.rrd")
     assert "finding what is in the scene" in told
-    assert re.search(r"left; .*writing frames, 7 of 8", told)
+    assert re.search(r"left of this stage; .*writing frames, 7 of 8", told)

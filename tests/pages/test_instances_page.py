@@ -32,3 +32,11 @@ def test_the_page_of_the_sample() -> None:
     assert names[94][0] == "manipulated 94"
     assert names[94][1] == color_of(0, "manipulated")
     assert sum(bool(name) for name, _ in names.values()) < len(rows)  # of the arm one link is named
+
+
+def test_frames_of_a_video_go_by_their_recorded_numbers() -> None:
+    described, rows, seen = inspect.inspect(registry.read(registry.SAMPLE, None))
+    described |= {"film": {"passed_through": [0, 1]}, "frames": described["frames"] + 2}
+    page = instances.page(seen, described, rows).decode()
+    assert f", frame {seen.length // 2 + 2}<" in page
+    assert any(f"({row.first_frame + 2}–{row.last_frame + 2})" in page for row in rows)

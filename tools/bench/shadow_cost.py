@@ -55,7 +55,7 @@ def measured(
     """By whether there are shadows."""
     least: dict[bool, list[float]] = {}
     for one, _ in sources.values():
-        cost.augmented(recipe, one, 1)  # kernels are compiled and kept
+        cost.augmented(recipe, one, COPIES)  # kernels are compiled and kept
     for _ in range(repeats):
         for shadows, (one, several) in sources.items():
             runs = ((one, 1), (one, COPIES), (several, 1))
