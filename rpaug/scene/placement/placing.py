@@ -27,6 +27,7 @@ FLYING = (
     3.0  # times the median distance from a thing's middle: no part of a rod or a box lies so far
 )
 FINE = 0.002  # metres between pixels: finer ones tell cells of a centimetre nothing more
+SPARSE = 0.008  # the same where all cameras move: each frame shows a place by other pixels
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
@@ -125,7 +126,7 @@ def points_by_instance_id(
     found: dict[int, list[Float64[np.ndarray, "n 3"]]] = {
         instance_id: [] for instance_id in instance_ids
     }
-    sampled = max(count, ROUNDS) if roving(scene) else count
+    sampled, fine = (max(count, ROUNDS), SPARSE) if roving(scene) else (count, FINE)
     for view in scene.episode.views.values():
         if view.depth is None or view.ids is None:
             continue
@@ -133,10 +134,14 @@ def points_by_instance_id(
             ids, depth = view.ids(t), view.depth(t)
             usable = (depth > 0) & np.isfinite(depth)
             for instance_id in found.keys() & set(np.unique(ids).tolist()):
-                use = thinned(view.camera, depth, (ids == instance_id) & usable)
-                moved = poses[instance_id][0] @ geometry.inverse(poses[instance_id][t])
-                points = lifted(view.camera, t, depth, use)
-                found[instance_id].append(geometry.transform(moved, points))
+                use = thinned(view.camera, depth, (ids == instance_id) & usable, fine)
+                points, (first, now) = (
+                    lifted(view.camera, t, depth, use),
+                    poses[instance_id][[0, t]],
+                )
+                if not np.array_equal(first, now):
+                    points = geometry.transform(first @ geometry.inverse(now), points)
+                found[instance_id].append(points)
     clouds = {h: np.concatenate(some) if some else np.zeros((0, 3)) for h, some in found.items()}
     guessed = any(v.proxy is not None and v.proxy.modelled for v in scene.episode.views.values())
     return {h: _together(points) for h, points in clouds.items()} if guessed else clouds
@@ -167,7 +172,7 @@ def _support(scene: Scene, support: frozenset[int]) -> Float64[np.ndarray, "n 3"
             depth = view.depth(t)
             use = np.isin(view.ids(t), list(support)) & (depth > 0) & np.isfinite(depth)
             if use.any():
-                use = thinned(view.camera, depth, use)
+                use = thinned(view.camera, depth, use, SPARSE if all_move else FINE)
                 found.append(lifted(view.camera, t, depth, use))
     if not found:
         raise TargetError("the table was never seen, so there is nowhere to put things")
@@ -245,13 +250,16 @@ def _closed(height: Float32[np.ndarray, "r c"]) -> Float32[np.ndarray, "r c"]:
 
 
 def thinned(
-    camera: Camera, depth: Float32[np.ndarray, "h w"], use: Bool[np.ndarray, "h w"]
+    camera: Camera,
+    depth: Float32[np.ndarray, "h w"],
+    use: Bool[np.ndarray, "h w"],
+    fine: float = FINE,
 ) -> Bool[np.ndarray, "h w"]:
-    """Of the pixels to use those of every so many rows and columns that they lie `FINE` metres apart at most: of a
+    """Of the pixels to use those of every so many rows and columns that they lie `fine` metres apart at most: of a
     large image others would tell cells no more."""
     if not use.any():
         return use
-    step = int(FINE * min(camera.K[0, 0], camera.K[1, 1]) / depth[use].mean(dtype=np.float64))
+    step = int(fine * min(camera.K[0, 0], camera.K[1, 1]) / depth[use].mean(dtype=np.float64))
     if step < 2:
         return use
     out = np.zeros_like(use)
