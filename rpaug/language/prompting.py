@@ -11,7 +11,7 @@ from importlib.resources import files
 
 from rpaug.core.errors import BadInput
 
-LATEST = {"wish": 3, "manager": 3, "cause": 1, "detail": 1, "remedy": 3}
+LATEST = {"wish": 4, "manager": 3, "cause": 1, "detail": 1, "remedy": 3}
 
 
 @dataclass(frozen=True)

@@ -74,8 +74,11 @@ def _taken(value: Mapping[str, Any], whole: Mapping[str, Any]) -> str:
         more = "" if "maxItems" in value else ", ..."
         return f"[{', '.join(_taken(one, whole) for one in items)}{more}]"
     if value.get("type") == "object":
-        inner = value.get("properties", {})
+        named = value.get("propertyNames", {}).get("enum", ())
+        inner = value.get("properties") or dict.fromkeys(named, value.get("additionalProperties"))
         return "{" + ", ".join(f"{k}: {_taken(one, whole)}" for k, one in inner.items()) + "}"
+    if value.get("pattern", "").startswith("^#"):
+        return "#rrggbb"
     low = value.get("minimum", value.get("exclusiveMinimum"))
     high = value.get("maximum", value.get("exclusiveMaximum"))
     bounds = "" if low is None and high is None else f" {_side(low)}..{_side(high)}"

@@ -72,11 +72,11 @@ class Distractors(Operator):
     """Insert `count` things drawn from the library, any that fits as likely, none again while others fit there;
     painted and scaled as `insert` does.
 
-    `near` gives the shares of them that stand `within` so many metres of the gripper's low path and of the target;
-    the others stand farther from both. A word means all of them, `anywhere` any free place. They stand in the
-    `workspace`, by default around all that the gripper reached. At least one of the policy's `cameras` shows them, and
-    none sees the target partly hidden by them in more than a share `hides` of the frames. With `like` they have the
-    target's color or its proportions. So many stand together as `groups` says.
+    `near` gives the shares of them that stand `within` so many metres of the gripper's low path and of the target, what
+    the robot handles; the others stand farther from both. A word means all of them, `anywhere` any free place. They
+    stand in the `workspace`, by default around all that the gripper reached. At least one of the policy's `cameras`
+    shows them, and none sees the target partly hidden by them in more than a share `hides` of the frames. With `like`
+    they have the target's color or its proportions. So many stand together as `groups` says.
     """
 
     count: Annotated[int, Field(ge=1, le=30)] = 2

@@ -113,7 +113,7 @@ class LightColor(Operator):
     }
     phrases: ClassVar[tuple[str, ...]] = ("change the color of the lights",)
     examples: ClassVar[Examples] = (
-        ("dim the lights by half", {"range": [[0.25, 0.25, 0.25], [0.25, 0.25, 0.25]]}),
+        ("dim the lights by half", {"brightness": [0.5, 0.5]}),
         ("a warm evening light", {"range": [[0.5, 0.38, 0.25], [0.5, 0.38, 0.25]]}),
     )
     undone_as: ClassVar[tuple[str, ...]] = (

@@ -70,7 +70,7 @@ def test_a_wish_is_one_call() -> None:
     )
     assert answer.notes == ("both cups",)
     assert [one.stage for one in answer.trace] == ["wish"]
-    assert answer.trace[0].prompt["file"] == "wish.v3"
+    assert answer.trace[0].prompt["file"] == "wish.v4"
     assert KEY not in answer.model_dump_json()
     assert len(seen) == 1
     question = json.loads(seen[0][1]["messages"][-1]["content"])

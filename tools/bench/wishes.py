@@ -90,9 +90,10 @@ class Chosen:
         if self.name == "sensor_exposure":
             low, high = self.operator.stops
             return 2.0**low, 2.0**high, 1.0
-        if self.name == "light_color" and self.operator.temperature:
+        if self.name == "light_color" and (self.operator.temperature or self.operator.brightness):
             low, high = self.operator.brightness or (1.0, 1.0)
-            red, _, blue = np.mean([black_body.hue(one) for one in self.operator.temperature], 0)
+            kelvin = self.operator.temperature or ()
+            red, _, blue = np.mean([black_body.hue(one) for one in kelvin] or [np.ones(3)], 0)
             return low, high, float(red / max(blue, NEAR))
         if self.name == "light_color":
             low, high = np.array(self.operator.range)
