@@ -63,7 +63,8 @@ def find(
     color: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> tuple[Asset, ...]:
-    """Those of a category, a color word and a longest side in metres between two. Raises TargetError if none fits."""
+    """Those of a category, or called so, of a color word and a longest side in metres between two. Raises TargetError
+    if none fits."""
     known = assets()
     word = color_space.canonical(color) if color else None
     if color and word is None:
@@ -71,7 +72,7 @@ def find(
     found = tuple(
         asset
         for asset in known
-        if (category is None or asset.category == category)
+        if category in (None, asset.category, asset.name)
         and (word is None or color_space.means(word, asset.color))
         and (size is None or size[0] <= asset.largest <= size[1])
     )

@@ -33,12 +33,15 @@ COUNTS = {
     "twice": 2,
 }  # numbers in words, beside `values.NUMBERS`
 
+VAGUE = ("few", "several", "some", "different", "various", "multiple")  # two to five
+
 
 class WishEdit(Message):
     """One entry of the recipe: an edit, or several of which each copy draws one."""
 
     said: str = Field(min_length=1, max_length=500)
     probability: float | None = Field(ge=0, le=1)
+    together: str | None = Field(None, min_length=1, max_length=100)
     options: tuple[dict[str, Any], ...] = Field(min_length=1, max_length=MOST)
 
 
@@ -180,6 +183,7 @@ def _settled(settings: WishSettings | None) -> None:
     said = settings.said.lower()
     numbers = {values.numeral(one) for one in re.findall(rf"(?<![\w.]){values.NUMBER}", said)}
     numbers |= {count for word, count in COUNTS.items() if word in said}
+    numbers |= set(range(2, 6)) if any(word in said for word in VAGUE) else set()
     numbers |= {one / 100 for one in numbers}  # percent
     gates = settings.gates.model_dump(exclude_unset=True) if settings.gates else {}
     given = {
@@ -210,7 +214,8 @@ def entry(edit: WishEdit, stated: str, setting: WishContext) -> Entry:
         weights = [{"weight": w} if (w := one.get("weight")) else {} for one in edit.options]
         made = {"one_of": [one | weight for one, weight in zip(options, weights, strict=True)]}
     chance = edit.probability
-    return made | ({"probability": chance} if chance is not None and chance < 1 else {})
+    drawn = {"probability": chance} if chance is not None and chance < 1 else {}
+    return made | drawn | ({"together": edit.together} if edit.together else {})
 
 
 def _option(given: Mapping[str, Any], stated: str, setting: WishContext) -> Entry:

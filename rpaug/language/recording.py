@@ -16,7 +16,7 @@ from rpaug.core.pixels import grown
 from rpaug.core.types import Scene
 from rpaug.language import declared
 from rpaug.language.messages import Answer, Entry, Trace
-from rpaug.pipeline import copies, plan
+from rpaug.pipeline import copies, prepare
 from rpaug.pipeline import recipe as recipes
 from rpaug.scene.lighting import albedo
 from rpaug.scene.sampled_frames import look
@@ -111,13 +111,13 @@ class Recording:
 
     def check(self, answer: Answer) -> None:
         """See that every edit can be drawn on this scene. Raises RpaugError with what is amiss."""
-        for step in recipes.build(answer.recipe(), name="the wish").steps:
+        steps = recipes.build(answer.recipe(), name="the wish").steps
+        for number, step in enumerate(steps):
             for option in step.options:
                 if option.operator.needs.gaussians:  # fitted only when the recipe runs
                     continue
                 try:
-                    plan.check(option.operator, self.scene)
-                    option.operator.sample(self.scene, np.random.default_rng(0))
+                    prepare.see_possible(self.scene, steps[:number], option)
                 except TargetError:
                     raise
                 except Unsupported as error:

@@ -36,7 +36,7 @@ def _option(op: str, whole: Mapping[str, Any], cameras: Sequence[str]) -> dict[s
         one["properties"]["cameras"]["maxItems"] = max(1, len(cameras))
     else:
         one = dict(whole[f"op_{op}"])
-    out = ("op", "probability", *answers.PLACES)
+    out = ("op", *recipe.CHANCE, *answers.PLACES)
     fields = {name: value for name, value in one["properties"].items() if name not in out}
     required = ["op", *(name for name in one.get("required", []) if name != "op")]
     fixed = {"op": {"const": op}, "weight": {"type": "number", "exclusiveMinimum": 0}}
@@ -51,7 +51,7 @@ def fields(op: str, whole: Mapping[str, Any]) -> str:
     one = whole[f"op_{op}"]
     told = []
     for name, value in one["properties"].items():
-        if name in ("op", "probability", *answers.PLACES):
+        if name in ("op", *recipe.CHANCE, *answers.PLACES):
             continue
         given = "" if name in one.get("required", []) else f" = {json.dumps(value.get('default'))}"
         told.append(f"{name}: {_taken(value, whole)}{given}")

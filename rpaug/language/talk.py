@@ -159,7 +159,7 @@ class _Talk:
             *words.messages(
                 json.dumps(question, ensure_ascii=False),
                 operators=operators(ops),
-                categories=", ".join(sorted({one.category for one in library.assets()})),
+                things=things(),
                 textures=", ".join(shipped.NAMES),
             )
         ]
@@ -207,6 +207,14 @@ def _shown(message: Mapping[str, Any], picture: bytes) -> list[dict[str, Any]]:
         {"type": "text", "text": message["content"]},
         {"type": "image_url", "image_url": {"url": url}},
     ]
+
+
+def things() -> str:
+    """What can be inserted: each category with its things."""
+    kinds: dict[str, list[str]] = {}
+    for one in library.assets():
+        kinds.setdefault(one.category, []).append(one.name)
+    return ", ".join(f"{kind} ({', '.join(kinds[kind])})" for kind in sorted(kinds))
 
 
 def operators(ops: Sequence[str] | None = None) -> str:

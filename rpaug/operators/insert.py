@@ -50,10 +50,10 @@ class Insert(Operator):
     """Insert one thing of the library: by name, or drawn from a category, a color word and a longest side in metres.
 
     What the library has in no such color or size is painted or scaled. It stands at rest on a free place of the table,
-    or at `at`: 5 cm away from other things and from all that moves. It is lit by the light that the recording shows,
-    unless `harmonise` is off. With `near` its place is drawn from those that are `within` so many metres of that thing.
-    With `harmoniser` "libcom:FOLDER", what libcom's network makes of it in all views becomes one factor a channel, the
-    same for all of them.
+    5 cm away from other things and from all that moves, or at `at`, 2 cm away from them. It is lit by the light that
+    the recording shows, unless `harmonise` is off. With `near` its place is drawn from those that are `within` so many
+    metres of that thing. With `harmoniser` "libcom:FOLDER", what libcom's network makes of it in all views becomes one
+    factor a channel, the same for all of them.
     """
 
     asset: str | None = None
@@ -78,7 +78,7 @@ class Insert(Operator):
     phrases: ClassVar[tuple[str, ...]] = ("add a {category:mug|bowl|book} [near {near}]",)
     examples: ClassVar[Examples] = (
         ("a mug next to the drawer", {"category": "mug", "near": "drawer"}),
-        ("put a banana on the table", {"category": "banana"}),
+        ("put a lemon on the table", {"category": "lemon"}),
     )
 
     def __post_init__(self) -> None:
@@ -126,8 +126,11 @@ def _draw(
         times = scale * (longest / asset.largest)
         pose, outline, top = at_rest(asset.name, times, turn)
         beside = None if near is None else standing.beside(scene, near[0], outline, near[1])
-        middle = np.array(at) if at is not None else around.draw(outline, top, rng, beside)
-        if middle is not None and around.free(outline, top, middle):
+        if at is not None:
+            middle = np.array(at) if around.free(outline, top, np.array(at)) else None
+        else:
+            middle = around.draw(outline, top, rng, beside)
+        if middle is not None:
             break
     else:
         where = f"at {list(at)}" if at is not None else "there" if near else "on the table"

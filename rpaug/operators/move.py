@@ -24,7 +24,8 @@ class Move(Operator):
 
     Free is what stays 5 cm away from other things and from all that moves, over the whole episode. `to` asks for a
     place of the target's middle in the world instead, `by` for one so many metres ahead and to the left of where it
-    stands, as the robot sees it, and `near` for a draw from places `within` so many metres of another thing.
+    stands, as the robot sees it, both 2 cm away from other things, and `near` for a draw from places `within` so many
+    metres of another thing.
     Things that the robot acts on are refused. Without a target one thing that the robot leaves alone is drawn.
     """
 

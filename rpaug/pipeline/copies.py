@@ -319,12 +319,15 @@ def _drawn(
 ) -> tuple[Scene, Draw]:
     """The scene after one step, and what was drawn. Raises Missing."""
     step, key = recipe.steps[number], scene.episode.key
-    first, rng = (recipe.generator(key, copy, number, n) for n in (0, attempt))
+    place = number if step.stream is None else step.stream
+    first, rng = (recipe.generator(key, copy, place, n) for n in (0, attempt))
     # What is drawn again is how an edit is done, not whether: else what often fails is done less than asked.
     chance, _ = first.random(), rng.random()
     chosen = step.draw(chance, rng)
     if chosen is None:
         return scene, Draw(number, None, None)
+    if step.stream is not None:
+        rng = recipe.generator(key, copy, number, attempt)
     try:
         planning.check(chosen.operator, scene)
         edit = json.loads(json.dumps(chosen.operator.sample(scene, rng)))

@@ -17,7 +17,7 @@ from rpaug.core.types import Camera, Effect, Embeddings, Episode, Scene
 from rpaug.gaussians import fit_static_rgb
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, residuals
-from rpaug.pipeline.recipe import Recipe
+from rpaug.pipeline.recipe import Option, Recipe, Step
 from rpaug.providers import words
 from rpaug.providers.models_settings import Models
 from rpaug.scene.build import build, find, sources
@@ -45,23 +45,51 @@ def ground(scene: Scene, recipe: Recipe) -> tuple[str, ...]:
     """
     missing, lacks = [], False
     options = [option for step in recipe.steps for option in step.options]
-    for option in options:
-        try:
-            planning.check(option.operator, scene)
-            edit = option.operator.sample(scene, np.random.default_rng(0))
-            if planning.flat(scene):
-                edited = option.operator.apply(scene, json.loads(json.dumps(edit)))
-                planning.check_shown(option.operator, scene, edited)
-        except (TargetError, Unsupported) as error:
-            lacks |= isinstance(error, SourceLacks)
-            how = _how(scene, str(error)) if isinstance(error, SourceLacks) else ""
-            missing.append(f"{option.name}: {error}{how}")
+    for number, step in enumerate(recipe.steps):
+        for option in step.options:
+            try:
+                see_possible(scene, recipe.steps[:number], option)
+            except (TargetError, Unsupported) as error:
+                lacks |= isinstance(error, SourceLacks)
+                how = _how(scene, str(error)) if isinstance(error, SourceLacks) else ""
+                missing.append(f"{option.name}: {error}{how}")
     if missing and recipe.on_missing == "fail":
         raise Missing(f"{scene.episode.key}: {'; '.join(missing)}")
     if missing and len(missing) == len(options):
         kind = SourceLacks if lacks else TargetError
         raise kind("; ".join(dict.fromkeys(missing)))
     return tuple(missing)
+
+
+def see_possible(scene: Scene, before: Sequence[Step], option: Option) -> None:
+    """See that an edit can be drawn in a recorded scene, or there after the edits `before` it, which may make room for
+    it. Raises TargetError, Unsupported with what is amiss in the recorded one."""
+    try:
+        _drawn(scene, option)
+    except (TargetError, Unsupported):
+        if not any(one.operator.effect & Effect.BODIES for step in before for one in step.options):
+            raise
+        after = scene
+        for step in before:
+            with suppress(TargetError, Unsupported):
+                edit = _drawn(after, step.options[0])
+                after = step.options[0].operator.apply(after, edit)
+        try:
+            _drawn(after, option)
+        except (TargetError, Unsupported):
+            pass
+        else:
+            return
+        raise
+
+
+def _drawn(scene: Scene, option: Option) -> Any:
+    """The edit's first draw. Raises TargetError, Unsupported."""
+    planning.check(option.operator, scene)
+    edit = json.loads(json.dumps(option.operator.sample(scene, np.random.default_rng(0))))
+    if planning.flat(scene):
+        planning.check_shown(option.operator, scene, option.operator.apply(scene, edit))
+    return edit
 
 
 def _how(scene: Scene, reason: str) -> str:

@@ -109,6 +109,10 @@ class _Chance(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     probability: Annotated[float, Field(ge=0, le=1)] = 1.0
+    together: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+
+
+CHANCE = tuple(_Chance.model_fields)
 
 
 class _Weight(BaseModel):
@@ -131,10 +135,24 @@ class Option:
 
 @dataclass(frozen=True)
 class Step:
-    """One entry of `edits`: taken with `probability`, as one of `options`."""
+    """One entry of `edits`: taken with `probability`, as one of `options`.
+
+    Steps that say the same word in `together` share one draw of both: as likely, they are in the same copies, and of as
+    many options, as likely, they take the same one.
+    """
 
     options: tuple[Option, ...]
     probability: float = 1.0
+    together: str | None = None
+
+    @property
+    def stream(self) -> int | None:
+        """The number of the random stream that steps of one word share; None for a step alone."""
+        if self.together is None:
+            return None
+        return int.from_bytes(
+            hashlib.blake2b(self.together.encode(), digest_size=8).digest(), "big"
+        )
 
     def draw(self, chance: float, rng: np.random.Generator) -> Option | None:
         """The option of this draw, or None if the step is skipped: `chance` is drawn from U[0, 1)."""
@@ -146,7 +164,11 @@ class Step:
     def describe(self) -> str:
         """In words that are the same for equal steps alone."""
         return json.dumps(
-            [self.probability, [[one.name, one.fields, one.weight] for one in self.options]]
+            [
+                self.probability,
+                self.together,
+                [[one.name, one.fields, one.weight] for one in self.options],
+            ]
         )
 
 
@@ -297,7 +319,7 @@ def _schema(operators: tuple[tuple[str, type[Operator]], ...]) -> str:
     definitions = top.setdefault("$defs", {})
     names: list[dict[str, str]] = []
     alternatives: list[dict[str, str]] = []
-    chance = {"probability": {"type": "number", "minimum": 0, "maximum": 1, "default": 1.0}}
+    chance = _Chance.model_json_schema()["properties"]
     weight = {"weight": {"type": "number", "exclusiveMinimum": 0, "maximum": 1e6, "default": 1.0}}
     for name, operator in operators:
         fields = TypeAdapter(operator).json_schema(ref_template="#/$defs/{model}")
@@ -340,20 +362,22 @@ def _step(faults: Faults, path: Path_, entry: Any) -> Step | None:
     if not isinstance(entry, dict):
         faults.add(path, f"found {kind_of(entry)}; expected a mapping with `op` or `one_of`")
         return None
-    chance = faults.check(path, _Chance, {k: v for k, v in entry.items() if k == "probability"})
-    rest = {k: v for k, v in entry.items() if k != "probability"}
+    chance = faults.check(path, _Chance, {k: v for k, v in entry.items() if k in CHANCE})
+    rest = {k: v for k, v in entry.items() if k not in CHANCE}
     if "one_of" not in entry:
         options = [_option(faults, path, rest)]
     else:
         for key in rest.keys() - {"one_of"}:
-            faults.add((*path, key), "unknown key; beside one_of only probability is known")
+            faults.add(
+                (*path, key), f"unknown key; beside one_of only {' and '.join(CHANCE)} are known"
+            )
         choices = entry["one_of"]
         if not isinstance(choices, list) or not choices:
             faults.add((*path, "one_of"), f"found {kind_of(choices)}; expected a list of edits")
             return None
         options = [_alternative(faults, (*path, "one_of", i), one) for i, one in enumerate(choices)]
     made = tuple(option for option in options if option)
-    return Step(made, chance.probability) if chance and made else None
+    return Step(made, chance.probability, chance.together) if chance and made else None
 
 
 def _alternative(faults: Faults, path: Path_, entry: Any) -> Option | None:

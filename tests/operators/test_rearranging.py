@@ -14,7 +14,7 @@ from rpaug.operators.remove import Remove
 from rpaug.operators.spread import Spread
 from rpaug.pipeline.contracts import OperatorContract, shown
 from rpaug.scene.placement import placing, standing, untouched, zones
-from rpaug.scene.placement.free_space import CELL
+from rpaug.scene.placement.free_space import ASKED, CELL
 from rpaug.scene.targets.targets import Target
 
 pytestmark = pytest.mark.gl
@@ -81,7 +81,8 @@ def test_a_turned_thing_needs_room_as_it_then_stands():
     one = standing.thing(scene(), ids, around, "moving")
     turn = float(np.random.default_rng(0).uniform(-1, 1))
     lies, stands = (
-        around.spots(shape, one.top) for shape in (one.outline, standing.turned(one.outline, turn))
+        around.spots(shape, one.top, ASKED)
+        for shape in (one.outline, standing.turned(one.outline, turn))
     )
     before, after = (
         tuple(around.origin + CELL * np.argwhere(cells)[0][::-1])

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from rpaug import BadRecipe
 from rpaug.core import registry
 from rpaug.core.errors import RpaugError
-from rpaug.pipeline import inputs, recipe
+from rpaug.core.types import Scene
+from rpaug.pipeline import copies, inputs, recipe
+from rpaug.scene.build import build
 
 GOOD = """\
 version: 1
@@ -232,3 +234,40 @@ def test_a_color_behind_a_hash_is_one_on_the_command_line_and_wants_quotes_in_a_
     (step,) = load(tmp_path, text, "edits.0.color=#ff0000").steps
     assert step.options[0].fields["color"] == "#ff0000"
     assert "wants quotes" in refusal(tmp_path, text.replace("red", "#ff0000"))
+
+
+def test_steps_together_are_in_the_same_copies_and_take_the_same_option() -> None:
+    noise = [{"op": "sensor_noise", "read": [one, one]} for one in (0.01, 0.02, 0.03)]
+    blur = [{"op": "sensor_blur", "sigma": [one, one]} for one in (1, 2, 3)]
+    tree = {
+        "version": 1,
+        "edits": [
+            {"one_of": noise, "probability": 0.5, "together": "lens"},
+            {"one_of": blur, "probability": 0.5, "together": "lens"},
+            {"op": "sensor_jpeg", "probability": 0.25, "together": "lens"},
+            {"op": "sensor_exposure", "probability": 0.5},
+        ],
+    }
+    made, still = recipe.build(tree), open_still()
+    taken = []
+    for copy in range(300):
+        drawn = copies.draw(still, made, copy)[1]
+        first, second, third, alone = (one.option for one in drawn)
+        assert (first is None) == (second is None)
+        if first and second:
+            assert noise.index({"op": "sensor_noise", **first.fields}) == blur.index(
+                {"op": "sensor_blur", **second.fields}
+            )
+        else:
+            assert third is None
+        taken.append((first is not None, third is not None, alone is not None))
+    shares = np.array(taken).mean(0)
+    assert np.abs(shares - [0.5, 0.25, 0.5]).max() < 0.1
+    assert 0.3 < np.mean([one != other for one, _, other in taken]) < 0.7  # alone is alone
+    with pytest.raises(BadRecipe, match="together"):
+        recipe.build({**tree, "edits": [{"op": "sensor_jpeg", "together": 3}]})
+
+
+def open_still() -> Scene:
+    """The sample's episode; sensor edits ask nothing of it."""
+    return build(registry.read(registry.SAMPLE, None), with_bodies=False)

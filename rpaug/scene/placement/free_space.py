@@ -11,6 +11,7 @@ AROUND = (
     0.2  # metres: what stands with its middle in a part of the room reaches no farther out of it
 )
 MARGIN = 0.05  # metres to other things, as COLOSSEUM keeps them apart
+ASKED = 0.02  # metres of the same where somebody asked for the very place
 EDGE = 0.02  # metres to where the support ends or was not seen: cells at its rim hold half a pixel of it
 
 
@@ -46,10 +47,10 @@ class FreeSpace:
     def free(
         self, outline: Float[np.ndarray, "k 2"], height: float, middle: Float[np.ndarray, "2"]
     ) -> bool:
-        """Whether there is room for a thing at that very place."""
+        """Whether there is room for a thing at that very place, which somebody asked for."""
         column, row = np.rint((middle - self.origin) / CELL).astype(int)
         inside = 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
-        return inside and bool(self.spots(outline, height)[row, column])
+        return inside and bool(self.spots(outline, height, ASKED)[row, column])
 
     def near(self, points: Float[np.ndarray, "n k"], within: float) -> Bool[np.ndarray, "r c"]:
         """Cells whose middle is at most so many metres from one of the points, seen from above."""

@@ -66,7 +66,7 @@ def _room(scene: Scene, leaving: frozenset[int]) -> FreeSpace:
     nothing = np.full(shape, np.inf, np.float32)
     empty = FreeSpace(low, level, showing, nothing, nothing)
     gone = leaving | support
-    empty = replace(empty, seen=showing | _beneath(empty, scene, leaving))
+    empty = replace(empty, seen=showing | _beneath(empty, scene, leaving | _vacated(scene)))
     standing = _standing(empty, scene, gone)
     return replace(standing, swept=swept.lowest(standing, scene, gone))
 
@@ -96,6 +96,17 @@ def _beneath(room: FreeSpace, scene: Scene, leaving: frozenset[int]) -> Bool[np.
         closed = cv2.morphologyEx(around, cv2.MORPH_CLOSE, size)[rim:-rim, rim:-rim]
         found |= covered & (closed > 0)
     return found
+
+
+def _vacated(scene: Scene) -> frozenset[int]:
+    """Instance ids of what an edit took from where it was recorded."""
+    now = {one: body.to_world for body in scene.bodies for one in body.instance_ids}
+    return frozenset(
+        one
+        for body in scene.tracked
+        for one in body.instance_ids
+        if one not in now or not np.array_equal(now[one], body.to_world)
+    )
 
 
 def hull(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "k 2"]:

@@ -10,6 +10,7 @@ from tabletop import instance_id, scene
 
 from rpaug.core import geometry
 from rpaug.core.errors import TargetError
+from rpaug.pipeline import copies, prepare, recipe
 from rpaug.scene.placement import placing, policy_views, swept, zones
 from rpaug.scene.placement.free_space import CELL, EDGE, FreeSpace
 from rpaug.scene.sampled_frames import look
@@ -115,6 +116,23 @@ def test_a_thing_that_leaves_stands_on_support_that_nobody_saw(name: str) -> Non
     assert stays.seen[covered].mean() < 0.3
     assert leaves.seen[covered].all()
     np.testing.assert_array_equal(leaves.seen[~covered], stays.seen[~covered])
+
+
+@pytest.mark.gl
+def test_one_thing_takes_the_place_of_another() -> None:
+    """What was removed leaves room, which an edit after it is held to have."""
+    gone = instance_id("cylinder")
+    stood = placing.hull(placing.points_of(scene(), [gone])).mean(0).round(2).tolist()
+    edits = [
+        {"op": "remove", "target": {"handle": gone}},
+        {"op": "insert", "category": "die", "at": stood},
+    ]
+    both = recipe.build({"version": 1, "edits": edits})
+    assert prepare.ground(scene(), both) == ()
+    assert all(one.edit is not None for one in copies.draw(scene(), both, 0)[1])
+    alone = recipe.build({"version": 1, "edits": [{"op": "light_color"}, edits[1]]})
+    (why,) = prepare.ground(scene(), alone)
+    assert "no room" in why
 
 
 def test_places_beside_the_arm_are_free_where_a_camera_shows_it() -> None:
