@@ -10,27 +10,47 @@ LISTED = 4  # other level surfaces
 Span = tuple[int, int]
 
 
-def table(
-    found: InstanceMap, spans: Sequence[Span], eye: float
-) -> tuple[Belief | None, tuple[str, ...]]:
-    """The belief, None where nothing is level, and sentences about what an edit of the table does not reach, or reaches
-    wrongly. `spans` are the recorded frames of each piece, `eye` is the camera's height above its support."""
-    supports = [
-        (piece, one) for piece, one in enumerate(found.supports) if one and one.instance_ids
+def table(found: InstanceMap, spans: Sequence[Span]) -> Belief | None:
+    """The belief, None where nothing is level. `spans` are the first and last recorded frame of each piece."""
+    known = _supports(found)
+    if not known:
+        return None
+    ids = frozenset[int]().union(*(one.instance_ids for _, one in known))
+    sure = min(one.measured * (1 - one.disputed) for _, one in known)
+    return Belief(ids, sure, tuple(_reason(one, spans[k], len(spans)) for k, one in known))
+
+
+def doubts(found: InstanceMap, spans: Sequence[Span]) -> tuple[str, ...]:
+    """Where edits of the table leave out frames, or may paint what is none, in sentences."""
+    known = dict(_supports(found))
+    none = [
+        f"frames {first} to {last} show no table that is known: edits of the table leave them out"
+        for k, (first, last) in enumerate(spans)
+        if known and k not in known
     ]
-    told = [*_parted(found, spans), *(_disputed(one, spans[piece]) for piece, one in supports)]
-    told += [_levels(found, piece, eye) for piece, _ in supports]
-    if not supports:
-        return None, tuple(filter(None, told))
-    ids = frozenset[int]().union(*(one.instance_ids for _, one in supports))
-    sure = min(_sure(one) for _, one in supports)
-    reasons = tuple(_reason(one, spans[piece], len(spans)) for piece, one in supports)
-    return Belief(ids, sure, reasons), tuple(filter(None, told))
+    wrong = [
+        f"{one.disputed:.0%} of the table {_numbers(one)} (frames {spans[k][0]} to {spans[k][1]}) is something else in"
+        " other frames: it may be painted wrongly there"
+        for k, one in known.items()
+        if one.disputed > DISPUTED
+    ]
+    return (*none, *wrong)
 
 
-def _sure(one: Support) -> float:
-    """How sure a support is: what is measured in its plane, and not disputed."""
-    return one.measured * (1 - one.disputed)
+def told(found: InstanceMap, spans: Sequence[Span], eye: float) -> tuple[str, ...]:
+    """What `rpaug inspect` says of the table beside the belief: pieces, doubts, other level surfaces. `eye` is the
+    camera's height above its support."""
+    frames = "; ".join(f"{first} to {last}" for first, last in spans)
+    parted = [
+        f"the camera is known in {len(spans)} pieces (frames {frames}) that share too few points to be set beside each"
+        " other: each has a table of its own, and what is put on one is not on the others"
+    ] * (len(spans) > 1)
+    levels = [_levels(found, k, one, eye) for k, one in _supports(found)]
+    return (*parted, *doubts(found, spans), *filter(None, levels))
+
+
+def _supports(found: InstanceMap) -> list[tuple[int, Support]]:
+    return [(piece, one) for piece, one in enumerate(found.supports) if one]
 
 
 def _reason(one: Support, span: Span, pieces: int) -> str:
@@ -42,30 +62,7 @@ def _reason(one: Support, span: Span, pieces: int) -> str:
     )
 
 
-def _parted(found: InstanceMap, spans: Sequence[Span]) -> list[str]:
-    """That the pieces of a video do not hang together, and which have no support."""
-    if len(spans) < 2:
-        return []
-    frames = "; ".join(f"{first} to {last}" for first, last in spans)
-    without = [span for k, span in enumerate(spans) if not any(found.supports[k : k + 1])]
-    none = [f"frames {first} to {last} show no table" for first, last in without]
-    return [
-        f"the camera is known in {len(spans)} pieces (frames {frames}) that share too few points to be set beside each"
-        " other: each has a table of its own, and what is put on one is not on the others",
-        *none,
-    ]
-
-
-def _disputed(one: Support, span: Span) -> str:
-    if one.disputed <= DISPUTED:
-        return ""
-    return (
-        f"table: {one.disputed:.0%} of instance {_numbers(one)} (frames {span[0]} to {span[1]}) is something else in"
-        " another frame, and may be painted wrongly there"
-    )
-
-
-def _levels(found: InstanceMap, piece: int, eye: float) -> str:
+def _levels(found: InstanceMap, piece: int, table: Support, eye: float) -> str:
     """The other level surfaces of a piece, the largest first."""
     others = [one for one in found.levels if one.piece == piece][:LISTED]
     if not others:
@@ -74,8 +71,6 @@ def _levels(found: InstanceMap, piece: int, eye: float) -> str:
         f"{one.instance_id} ({100 * abs(one.height) * eye:.0f} cm {'above' if one.height > 0 else 'below'} it)"
         for one in others
     )
-    table = found.supports[piece]
-    assert table is not None
     return f"level as well, and not the table {_numbers(table)}: {', '.join(heights)}; {{handle: ID}} names one"
 
 

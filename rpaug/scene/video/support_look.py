@@ -14,6 +14,7 @@ from rpaug.scene.instances import color_clusters
 from rpaug.scene.video.frame import PosedFrame
 
 FEWEST = 3  # frames that show a place, if its color is known
+ALIKE = 9.0  # weighted Lab: so near to the support's color in a frame
 FAR = 1 << 20  # places from the middle of the world
 
 
@@ -55,14 +56,17 @@ def shown(
     level: float,
     side: float,
 ) -> SupportLook:
-    """The places that `masks` mark in the looks."""
+    """The places that `masks` mark in the looks, where these have the support's color: an arm that is taken for it has
+    another."""
     codes, colors = [np.zeros(0, np.int64)], [np.zeros((0, 3), np.float32)]
     for look, mask in zip(looks, masks, strict=True):
-        mine = _codes(look, level, side)
+        mine, lab = _codes(look, level, side), color_clusters.weighted(look.rgb)
         mask = mask & (mine >= 0)
+        if mask.any():
+            mask = mask & (np.linalg.norm(lab - np.median(lab[mask], 0), axis=-1) < ALIKE)
         own, of = np.unique(mine[mask], return_inverse=True)
         total = np.zeros((len(own), 3))
-        np.add.at(total, of, color_clusters.weighted(look.rgb)[mask])
+        np.add.at(total, of, lab[mask])
         codes.append(own)
         colors.append((total / np.bincount(of, minlength=len(own))[:, None]).astype(np.float32))
     every, shown = np.concatenate(codes), np.concatenate(colors)

@@ -112,8 +112,9 @@ class VideoScene:
         beliefs = as_beliefs(
             known, SURE, "told by the reconstructed depth and by what moves by itself"
         )
-        table, told = believed.table(self.instances, self.spans, self.eye)
+        table = believed.table(self.instances, self.spans)
         beliefs |= {"table": table} if table else {}
+        told = believed.told(self.instances, self.spans, self.eye)
         return FoundInstances(
             self.episode, bodies, roles.held(beliefs), photographed=True, back=self,
             beliefs=beliefs, told=told,
@@ -125,6 +126,11 @@ class VideoScene:
         piece = np.array(self.pieces or [0] * len(self.model.times))
         times = [self.model.times[piece == number] for number in range(int(piece.max()) + 1)]
         return tuple((int(own.min()), int(own.max())) for own in times)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Where edits of the table leave out frames, or may paint what is none, in sentences."""
+        return believed.doubts(self.instances, self.spans)
 
     @cached_property
     def eye(self) -> float:

@@ -83,11 +83,14 @@ def test_what_is_believed_names_each_piece_and_what_has_no_table() -> None:
     none, gray = np.zeros(0, np.int32), np.zeros(3, np.float32)
     one = Support(frozenset([4]), gray, sightings=50, measured=0.9, disputed=0.2)
     found = InstanceMap(1.0, none.astype(np.int64), none, 4, (one, None), 0.0)
-    belief, told = believed.table(found, [(0, 9), (15, 30)], 1.0)
+    spans = [(0, 9), (15, 30)]
+    belief, told = believed.table(found, spans), believed.told(found, spans, 1.0)
     assert belief is not None
     assert belief.confidence == 0.9 * 0.8
     assert "instance 4 in frames 0 to 9" in belief.reasons[0]
-    assert any("2 pieces (frames 0 to 9; 15 to 30)" in said for said in told)
-    assert "frames 15 to 30 show no table" in told
-    assert any("20% of instance 4" in said for said in told)
-    assert believed.table(replace(found, supports=()), [(0, 9)], 1.0) == (None, ())
+    assert "2 pieces (frames 0 to 9; 15 to 30)" in told[0]
+    none, wrong = believed.doubts(found, spans)
+    assert none.startswith("frames 15 to 30 show no table")
+    assert wrong.startswith("20% of the table 4 (frames 0 to 9)")
+    assert believed.table(replace(found, supports=()), [(0, 9)]) is None
+    assert believed.told(replace(found, supports=()), [(0, 9)], 1.0) == ()

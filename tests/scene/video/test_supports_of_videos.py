@@ -125,7 +125,7 @@ def test_what_was_measured_to_lie_lower_is_no_table_though_its_depth_was_filled_
     (one,) = found.supports
     assert one is not None
     assert one.measured > 0.95
-    belief, told = believed.table(found, [(0, 3)], 1.0)
+    belief, told = believed.table(found, [(0, 3)]), believed.told(found, [(0, 3)], 1.0)
     assert belief is not None
     assert belief.confidence > 0.9
     assert ["3 (50 cm below it)" in said for said in told] == [True] * (height < 0)
