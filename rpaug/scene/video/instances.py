@@ -42,6 +42,9 @@ PLAIN = 0.8  # of an instance has its middle color, if it has one color
 ALIKE = 0.5  # of a segment has the support's color, if it is a part of it
 OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
 FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
+ALIKE_THERE = (
+    4.5  # weighted Lab: what is so near to the support's color at its place is the support
+)
 COVER = np.ones((3, 3), np.uint8)  # pixels: of what covers the support less is noise
 BETWEEN = np.ones((5, 5), np.uint8)  # pixels of a segment's middle show nothing else so near
 SOME = 3  # pixels of a group in a cell that count
@@ -189,10 +192,18 @@ class InstanceMap:
         if support is None or support.look is None:
             return named
         patch, held = look.segments, np.isin(named, list(support.instance_ids))
-        alike = support.look.off(look, held) < APART
-        count = np.bincount(patch.ravel())
-        share = np.bincount(patch.ravel(), (alike & ~held).ravel()) / count
-        return np.where((share > FLAT)[patch] & ~held, min(support.instance_ids), named)
+        off = support.look.off(look, held)
+        share = np.bincount(patch.ravel(), ((off < APART) & ~held).ravel()) / np.bincount(
+            patch.ravel()
+        )
+        # Of a segment that took in something else, an arm, what looks the same.
+        same = cv2.morphologyEx(
+            (~held & (off < ALIKE_THERE)).astype(np.uint8), cv2.MORPH_OPEN, BETWEEN
+        )
+        _, parts, stats, _ = cv2.connectedComponentsWithStats(same)
+        large = (stats[parts, cv2.CC_STAT_AREA] > SLIVER * patch.size) & (same > 0)
+        own = ((share > FLAT)[patch] | large) & ~held
+        return np.where(own, min(support.instance_ids), named)
 
     def _known(self, points: Float64[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
         """Handles of the cells that points are in, 0 of cells without one."""
