@@ -211,10 +211,11 @@ def seeds(video: VideoScene, shots: list[TargetImage], settings: SplatSettings) 
 
 
 def _points(video: VideoScene) -> Gaussians:
-    """The points themselves: round, as wide as the distance to the cameras makes a few pixels."""
+    """The points themselves: round, as wide as the distance to the cameras that saw them makes a few pixels."""
     model = video.model
     count = len(model.points)
-    near = np.linalg.norm(model.points - model.cam_to_world[:, :3, 3].mean(0), axis=1)
+    eyes = model.seen.T @ model.cam_to_world[:, :3, 3] / model.seen.sum(0)[:, None]
+    near = np.linalg.norm(model.points - eyes, axis=1)
     size = (2.0 / model.focal * near)[:, None].repeat(3, 1)
     return Gaussians(
         means=model.points.astype(np.float32),

@@ -138,15 +138,17 @@ class Made:
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """What is not edited in frames of a video whose camera was not found, in words."""
+        """What is not edited, or may be wrongly, in frames of a video: where its camera was not found, and no table."""
         missing = getattr(self.scene.back, "missing", ())
         edits = [one.option for one in self.draws if one.edit is not None and one.option]
         placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
+        named = (target.role for one in edits for target in planning.targets(one.operator))
+        doubts = getattr(self.scene.back, "doubts", ()) if "table" in named else ()
         if not missing or not placed:
-            return ()
+            return doubts
         total = f"{len(missing)} of {len(missing) + self.episode.length} frames"
         lacking = f"({spans(missing)}) have no camera pose and go without {', '.join(placed)}"
-        return (f"{total} {lacking}",)
+        return (f"{total} {lacking}", *doubts)
 
     @property
     def repainted(self) -> dict[int, str]:

@@ -28,6 +28,7 @@ FLYING = (
 )
 FINE = 0.002  # metres between pixels: finer ones tell cells of a centimetre nothing more
 SPARSE = 0.008  # the same where all cameras move: each frame shows a place by other pixels
+BEHIND = 2.0  # times the farthest depth: what lies so far a frame does not show
 CLOSED = 3  # cells: gaps between pixels of the support that count as seen
 
 
@@ -197,16 +198,22 @@ def _agreed(
     level: float,
     shape: tuple[int, ...],
 ) -> Bool[np.ndarray, "r c"]:
-    """Cells that are the support in most of the frames that look there, and in two at least: one alone may err."""
+    """Cells that are the support in most of the frames that look there, and in two at least: one alone may err.
+
+    What is far behind all that a frame shows, another table of a video of which nothing tells where it is, it does not
+    look at.
+    """
     cells = np.argwhere(np.ones(shape, bool))
     points = np.column_stack([origin + CELL * cells[:, ::-1], np.full(len(cells), level)])
     fair, looked = np.zeros(len(cells)), np.zeros(len(cells))
     for view in scene.episode.views.values():
         assert view.ids is not None
+        assert view.depth is not None
         for t in sampling.frames(scene.episode.length, ROUNDS):
             ids = view.ids(t)
             local = geometry.local_points(points, view.camera, t)
             rows, columns, inside = geometry.in_image(local, view.camera.K, ids.shape)
+            inside &= local[:, 2] < BEHIND * float(np.max(view.depth(t)))
             looked += inside
             fair[inside] += np.isin(ids[rows[inside], columns[inside]], list(support))
     return ((fair >= TWICE) & (fair >= looked / 2)).reshape(shape)

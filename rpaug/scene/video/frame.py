@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import cv2
@@ -79,7 +79,11 @@ class SmallFrames:
 
 @dataclass(frozen=True, eq=False)
 class PosedFrame:
-    """One frame: its image made small, depth, lens and pose, in a world whose z is up."""
+    """One frame: its image made small, depth, lens and pose, in a world whose z is up.
+
+    `piece` is the piece of the video's model that it belongs to, `sighted` are that model's points which it saw itself:
+    of them alone the depth was measured.
+    """
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float32[np.ndarray, "h w"]
@@ -89,6 +93,13 @@ class PosedFrame:
         None  # what moves by itself, and is no thing of the world
     )
     segmented: Callable[[UInt8[np.ndarray, "h w 3"]], Int32[np.ndarray, "h w"]] = segments
+    piece: int = 0
+    sighted: Float64[np.ndarray, "n 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+
+    @property
+    def moves(self) -> Bool[np.ndarray, "h w"]:
+        """What is `hidden`, pixel by pixel."""
+        return np.zeros(self.depth.shape, bool) if self.hidden is None else self.hidden
 
     @cached_property
     def segments(self) -> Int32[np.ndarray, "h w"]:

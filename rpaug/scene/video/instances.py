@@ -6,7 +6,7 @@ several images are one thing is told by where they are.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 
 import cv2
@@ -17,6 +17,7 @@ from rpaug.core import geometry
 from rpaug.core.pixels import bounds, filled, grown, nearest
 from rpaug.scene.instances import color_clusters, grouping, outlines
 from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.support_look import SupportLook
 
 BACKGROUND = 1  # instance id of all that is no thing
 FIRST = 2
@@ -31,7 +32,7 @@ FEW = 10  # pixels: what is seen of a segment
 SHARE = 0.3  # of a segment's points must be the thing's
 SLIVER = 0.003  # of an image: smaller segments that are no thing's go to their neighbours
 RIM = 1  # pixels around a thing that are part support, part thing
-FLAT = 0.65  # share of a thing's pixels in the support's plane, if it is part of that: a chair before it has 0.59
+FLAT = 0.65  # share of what lies in the support's plane of its pixels: a chair before it has 0.59
 NEAR = 0.12  # of depth: so near to the plane counts as in it
 BROAD = 0.02  # of all pixels: what is smaller lies on the support and is no part of it
 APART = 9.0  # weighted Lab: what lies in that plane and differs by more is something else
@@ -41,6 +42,10 @@ PLAIN = 0.8  # of an instance has its middle color, if it has one color
 ALIKE = 0.5  # of a segment has the support's color, if it is a part of it
 OWN = 0.08  # of a thing's size: so deep its segments take the blur around it
 FUSED = 0.4  # of the cells of each of two groups are the other's too, if they are one thing
+ALIKE_THERE = (
+    4.5  # weighted Lab: what is so near to the support's color at its place is the support
+)
+COVER = np.ones((3, 3), np.uint8)  # pixels: of what covers the support less is noise
 BETWEEN = np.ones((5, 5), np.uint8)  # pixels of a segment's middle show nothing else so near
 SOME = 3  # pixels of a group in a cell that count
 LAYERS = 4  # groups in a cell that are compared
@@ -48,18 +53,66 @@ REACH = 2**20  # cells
 
 
 @dataclass(frozen=True, eq=False)
+class Support:
+    """What things stand on in one piece of a video: its instances, and their color in weighted Lab.
+
+    Of the `sightings` of its points, which structure from motion measured, the share `measured` lies in its plane.
+    Where one frame shows it another one shows something else, `disputed` of its pixels. `look` is that of its places.
+    """
+
+    instance_ids: frozenset[int]
+    color: Float32[np.ndarray, "3"]
+    sightings: int = 0
+    measured: float = 0.0
+    disputed: float = 0.0
+    look: SupportLook | None = None
+
+
+@dataclass(frozen=True)
+class LevelInstance:
+    """An instance of a piece whose measured points lie at one height; of its `sightings` the share `measured` does.
+
+    `height` is above the support's plane, as a share of the camera's height above that; negative below.
+    """
+
+    piece: int
+    instance_id: int
+    height: float
+    sightings: int
+    measured: float
+
+
+@dataclass(frozen=True, eq=False)
 class InstanceMap:
-    """Handles by cell of the world (`codes` in rising order, and the instance id of each), and the support: its
-    instance ids and its height.
+    """Handles by cell of the world (`codes` in rising order, and the instance id of each), and the supports: one of
+    each piece of the video, None where it has none, all at one height. `levels` are the other level surfaces.
     """
 
     cell: float
     codes: Int64[np.ndarray, "n"]
     instance_ids: Int32[np.ndarray, "n"]
     count: int
-    support: frozenset[int] = frozenset()
+    supports: tuple[Support | None, ...] = ()
     level: float | None = None
-    color: Float32[np.ndarray, "3"] | None = None  # of the support, weighted Lab
+    levels: tuple[LevelInstance, ...] = ()
+
+    @cached_property
+    def support(self) -> frozenset[int]:
+        """Instance ids of all supports."""
+        return frozenset().union(*(one.instance_ids for one in self.supports if one))
+
+    def support_of(self, look: PosedFrame) -> Support | None:
+        """The support of a frame's piece."""
+        return self.supports[look.piece] if look.piece < len(self.supports) else None
+
+    def scaled(self, factor: float) -> "InstanceMap":
+        """The same in a world that is `factor` times as large."""
+        level = None if self.level is None else factor * self.level
+        supports = tuple(
+            replace(one, look=one.look and one.look.scaled(factor)) if one else None
+            for one in self.supports
+        )
+        return replace(self, cell=factor * self.cell, level=level, supports=supports)
 
     @property
     def every(self) -> list[int]:
@@ -78,9 +131,15 @@ class InstanceMap:
         beside: Sequence[tuple[PosedFrame, Int32[np.ndarray, "h w"]]] = (),
     ) -> Int32[np.ndarray, "h w"]:
         """Handles of one frame's pixels, from what its segments are `named` and those of the frames `beside` it."""
-        told = self._cleared(look, self._told(look, named, beside))
+        told = self.segmented(look, self._told(look, named, beside))
         joined = self._joined(look, self._ended(look, told))
         return self._grown(self._ended_large(look, joined)).astype(np.int32)
+
+    def segmented(
+        self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
+    ) -> Int32[np.ndarray, "h w"]:
+        """The same by segment, by what colors say of the support."""
+        return self._as_elsewhere(look, self._cleared(look, named))
 
     def _told(
         self,
@@ -103,6 +162,49 @@ class InstanceMap:
         sure &= (best >= FIRST) & (total > MUTUAL * np.bincount(patch.ravel()))
         return np.where((named == BACKGROUND) & sure[patch], best[patch], named).astype(np.int32)
 
+    def covered(
+        self,
+        look: PosedFrame,
+        ids: Int32[np.ndarray, "h w"],
+        moving: Bool[np.ndarray, "h w"],
+        about: Bool[np.ndarray, "h w"],
+    ) -> Bool[np.ndarray, "h w"]:
+        """What moves by itself, with what beside it is called support and unlike what other frames show there: a hand
+        that rests, or whose segment took in some of the table, covers that. `about` is what moves in frames near by."""
+        support = self.support_of(look)
+        if support is None or support.look is None or not about.any():
+            return moving
+        held = np.isin(ids, list(support.instance_ids)) & ~moving
+        unlike = held & (support.look.off(look, held) > APART)
+        unlike = cv2.morphologyEx(unlike.astype(np.uint8), cv2.MORPH_OPEN, COVER) > 0
+        _, parts = cv2.connectedComponents(grown(unlike | about, RIM).astype(np.uint8))
+        return moving | (unlike & np.isin(parts, np.unique(parts[about])))
+
+    def _as_elsewhere(
+        self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
+    ) -> Int32[np.ndarray, "h w"]:
+        """The same with segments that look, place by place, as other frames show the support there.
+
+        A part that one frame shows apart, or whose depth is off because the image's edge cuts it off, is no instance of
+        its own.
+        """
+        support = self.support_of(look)
+        if support is None or support.look is None:
+            return named
+        patch, held = look.segments, np.isin(named, list(support.instance_ids))
+        off = support.look.off(look, held)
+        share = np.bincount(patch.ravel(), ((off < APART) & ~held).ravel()) / np.bincount(
+            patch.ravel()
+        )
+        # Of a segment that took in something else, an arm, what looks the same.
+        same = cv2.morphologyEx(
+            (~held & (off < ALIKE_THERE)).astype(np.uint8), cv2.MORPH_OPEN, BETWEEN
+        )
+        _, parts, stats, _ = cv2.connectedComponentsWithStats(same)
+        large = (stats[parts, cv2.CC_STAT_AREA] > SLIVER * patch.size) & (same > 0)
+        own = ((share > FLAT)[patch] | large) & ~held
+        return np.where(own, min(support.instance_ids), named)
+
     def _known(self, points: Float64[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
         """Handles of the cells that points are in, 0 of cells without one."""
         if not len(self.codes):
@@ -118,8 +220,8 @@ class InstanceMap:
         be it that of this frame: what was put there, is carried past or stands before it fills its cells too."""
         patch, shown = look.segments, color_clusters.weighted(look.rgb)
         count, out = np.bincount(patch.ravel()), named.copy()
-        held = np.isin(named, list(self.support))
-        parts = [(held, [self.color])] if self.color is not None and held.any() else []
+        held, support = np.isin(named, list(self.support)), self.support_of(look)
+        parts = [(held, [support.color])] if support and held.any() else []
         parts += [
             (named == one, [])
             for one in sorted({*np.unique(named).tolist()} - {BACKGROUND, *self.support})
@@ -144,20 +246,20 @@ class InstanceMap:
         np.add.at(votes, (patch.ravel(), known.ravel()), 1)
         best = votes[:, FIRST:].argmax(1) + FIRST if self.count else np.full(number, BACKGROUND)
         enough = votes[np.arange(number), best] >= SHARE * votes.sum(1)
-        if self.support and self.color is not None:
-            lies = ~enough & self._lies(look, number)
-            best[lies], enough = min(self.support), enough | lies
+        if support := self.support_of(look):
+            lies = ~enough & self._lies(look, support, number)
+            best[lies], enough = min(support.instance_ids), enough | lies
         sliver = ~enough & (votes.sum(1) < SLIVER * patch.size)
         return _spread(np.where(enough, best, BACKGROUND)[patch], sliver[patch])
 
-    def _lies(self, look: PosedFrame, number: int) -> Bool[np.ndarray, "k"]:
+    def _lies(self, look: PosedFrame, support: Support, number: int) -> Bool[np.ndarray, "k"]:
         """Which of a frame's segments lie in the support's plane and have its color: a part of it that a frame shows
         otherwise than the rest do (blurred, or cut off) is no named instance."""
         assert self.level is not None
-        assert self.color is not None
         patch = look.segments.ravel()
-        flat = np.bincount(patch, _in_plane(look, self.level).ravel(), minlength=number)
-        alike = np.bincount(patch, _alike(look, self.color).ravel(), minlength=number)
+        flat = np.bincount(patch, in_plane(look, self.level).ravel(), minlength=number)
+        near = np.linalg.norm(color_clusters.weighted(look.rgb) - support.color, axis=-1) < APART
+        alike = np.bincount(patch, near.ravel(), minlength=number)
         count = np.bincount(patch, minlength=number)
         return (flat > FLAT * count) & (alike > ALIKE * count)
 
@@ -269,7 +371,7 @@ def find(looks: Sequence[PosedFrame]) -> InstanceMap:
     named = np.concatenate(
         [group[look.segments.ravel() + start] for look, start in zip(looks, first, strict=False)]
     )
-    hidden = np.concatenate([_hidden(look).ravel() for look in looks])
+    hidden = np.concatenate([look.moves.ravel() for look in looks])
     named = np.where(~hidden & (shown[named] >= SEEN), named, -1)
     named = np.append(_fused(of, named, len(group)), -1)[named]
     mine = _most(of, named, len(codes))
@@ -282,22 +384,18 @@ def find(looks: Sequence[PosedFrame]) -> InstanceMap:
     return InstanceMap(cell, codes[held], number_of[mine[held]], len(kept))
 
 
-def _hidden(look: PosedFrame) -> np.ndarray:
-    return np.zeros(look.depth.shape, bool) if look.hidden is None else look.hidden
-
-
 def _links(looks: Sequence[PosedFrame], first: np.ndarray) -> np.ndarray:
     """Pairs of segments, one of each of two looks, each of which mostly lies on the other."""
     pairs = []
     for i, look in enumerate(looks):
-        for j in _partners(looks, i):
+        for j in partners(looks, i):
             there, back = _overlap(look, looks[j]), _overlap(looks[j], look).T
             rows, columns = np.nonzero((there > MUTUAL) & (back > MUTUAL))
             pairs.append(np.stack([rows + first[i], columns + first[j]], 1))
     return np.concatenate(pairs) if pairs else np.zeros((0, 2), np.int64)
 
 
-def _partners(looks: Sequence[PosedFrame], i: int) -> list[int]:
+def partners(looks: Sequence[PosedFrame], i: int) -> list[int]:
     """The next looks, and the later ones that see most alike: those that look from nearly the same place."""
     own = looks[i].cam_to_world
     reach = float(np.median(looks[i].depth))
@@ -372,48 +470,10 @@ def _packed(cells: np.ndarray) -> np.ndarray:
     return (near[:, 0] * 2 * REACH + near[:, 1]) * 2 * REACH + near[:, 2]
 
 
-def with_support(things: InstanceMap, looks: Sequence[PosedFrame], level: float) -> InstanceMap:
-    """The same in a world whose z is up, with the plane at `level` as the support: the instances that mostly lie there
-    and are large, and those of their color that are large in some frame."""
-    ids = [things.rough(look) for look in looks]
-    count = FIRST + things.count
-    shown = np.stack([np.bincount(one.ravel(), minlength=count) for one in ids])
-    there = [one[_in_plane(look, level)] for one, look in zip(ids, looks, strict=True)]
-    share = np.bincount(np.concatenate(there), minlength=count) / np.maximum(shown.sum(0), 1)
-    pixels = looks[0].depth.size
-    support = np.flatnonzero((share > FLAT) & (shown.sum(0) > BROAD * len(looks) * pixels))
-    named = {int(h) for h in support if h >= FIRST}
-    if not named and things.count:
-        # One thing at least: the one that has most of it.
-        named = {FIRST + int((share * shown.sum(0))[FIRST:].argmax())}
-    if not named:
-        return replace(things, level=level)
-    color = _median(
-        [(look, np.isin(one, list(named))) for one, look in zip(ids, looks, strict=True)]
-    )
-    large = np.flatnonzero((share > FLAT) & (shown.max(0) > BROAD * pixels))
-    for h in set(large.tolist()) - named - {BACKGROUND}:
-        own = _median([(look, one == h) for one, look in zip(ids, looks, strict=True)])
-        if np.linalg.norm(own - color) < APART:
-            named.add(h)
-    return replace(things, support=frozenset(named), level=level, color=color)
-
-
-def _in_plane(look: PosedFrame, level: float) -> Bool[np.ndarray, "h w"]:
+def in_plane(look: PosedFrame, level: float) -> Bool[np.ndarray, "h w"]:
+    """Which pixels lie in the plane z = `level`, as far as a frame's depth tells."""
     met = plane_depth(look.K, look.cam_to_world, look.depth.shape, level)
     return (met > 0) & (np.abs(met / look.depth - 1) < NEAR)
-
-
-def _alike(look: PosedFrame, color: Float32[np.ndarray, "3"]) -> Bool[np.ndarray, "h w"]:
-    return np.linalg.norm(color_clusters.weighted(look.rgb) - color, axis=-1) < APART
-
-
-def _median(
-    shown: Sequence[tuple[PosedFrame, Bool[np.ndarray, "h w"]]],
-) -> Float32[np.ndarray, "3"]:
-    """The middle color of what is marked, in weighted Lab."""
-    colors = [color_clusters.weighted(look.rgb[mask]) for look, mask in shown if mask.any()]
-    return np.asarray(np.median(np.concatenate(colors), 0), np.float32)
 
 
 def plane_depth(

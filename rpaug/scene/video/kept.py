@@ -4,11 +4,13 @@ They hang on poses, depth, what moves, the scale, and on how instances are told:
 """
 
 import io
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,8 +20,9 @@ from rpaug.core import geometry, pixels
 from rpaug.core.files import write_atomic
 from rpaug.providers import grabcut
 from rpaug.scene import instances as finders
-from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.instances import InstanceMap, LevelInstance, Support
 from rpaug.scene.video.model import DAMAGED, fingerprint
+from rpaug.scene.video.support_look import SupportLook
 
 
 @dataclass(frozen=True)
@@ -31,21 +34,26 @@ class KeptInstances:
     def map(self, find: Callable[[], InstanceMap]) -> InstanceMap:
         """The kept map; what `find` finds if none is kept, or it is damaged."""
         with suppress(*DAMAGED), np.load(self.folder / "map.npz", allow_pickle=False) as held:
-            level, color = held["level"].tolist(), held["color"]
+            stated = json.loads(str(held["facts"]))
             return InstanceMap(
                 float(held["cell"]), held["codes"], held["instance_ids"], int(held["count"]),
-                frozenset(held["support"].tolist()), level[0] if level else None,
-                color if len(color) else None,
+                tuple(_support(one, held, k) if one else None for k, one in enumerate(stated["supports"])),
+                stated["level"], tuple(LevelInstance(**one) for one in stated["levels"]),
             )  # fmt: skip
-        found = find()
-        none = np.zeros(0, np.float32)
+        found, arrays = find(), dict[str, np.ndarray]()
+        for k, one in enumerate(found.supports):
+            if one and one.look:
+                arrays |= {f"codes_{k}": one.look.codes, f"colors_{k}": one.look.colors}
+        stated = {
+            "level": found.level,
+            "levels": [asdict(one) for one in found.levels],
+            "supports": [_plain(one) if one else None for one in found.supports],
+        }
         with suppress(OSError):  # a cache that may only be read
             keep(
                 self.folder / "map.npz", cell=np.array(found.cell), codes=found.codes,
                 instance_ids=found.instance_ids, count=np.array(found.count),
-                support=np.array(sorted(found.support), np.int32),
-                level=np.array([] if found.level is None else [found.level]),
-                color=none if found.color is None else found.color,
+                facts=np.array(json.dumps(stated)), **arrays,
             )  # fmt: skip
         return found
 
@@ -66,6 +74,22 @@ class KeptInstances:
                 lengths=np.diff(starts, append=len(flat)),
             )  # fmt: skip
         return found
+
+
+def _plain(one: Support) -> dict[str, Any]:
+    """A support in plain values, but for the arrays of its places."""
+    look = one.look and {"side": one.look.side, "level": one.look.level}
+    ids, color = sorted(one.instance_ids), one.color.tolist()
+    return {**asdict(one), "instance_ids": ids, "color": color, "look": look}
+
+
+def _support(stated: Mapping[str, Any], held: Mapping[str, np.ndarray], k: int) -> Support:
+    """The support of piece `k` from plain values, and the arrays that are `held`."""
+    ids, color = frozenset(stated["instance_ids"]), np.array(stated["color"], np.float32)
+    look = stated["look"] and SupportLook(
+        **stated["look"], codes=held[f"codes_{k}"], colors=held[f"colors_{k}"]
+    )
+    return Support(**{**stated, "instance_ids": ids, "color": color, "look": look})
 
 
 def keep(path: Path, **arrays: np.ndarray) -> None:

@@ -17,13 +17,21 @@ from rpaug.core.errors import BadInput, Unsupported
 from rpaug.core.types import Camera, CameraView, Episode
 from rpaug.providers import poses
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.video import colmap, instances, kept, moving, posed, sweep, world
+from rpaug.scene.video import colmap, instances, kept, moving, pieces, posed, supports, sweep, world
 from rpaug.scene.video.colmap import ColmapSettings
 from rpaug.scene.video.frame import PosedFrame, SmallFrames, reduced_lens, reduced_size
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
-from rpaug.scene.video.model import DAMAGED, FEWEST_FRAMES, Reconstruction, fingerprint, load, save
+from rpaug.scene.video.model import (
+    DAMAGED,
+    FEWEST_FRAMES,
+    LEAST_SHARE,
+    Reconstruction,
+    fingerprint,
+    load,
+    save,
+)
 from rpaug.scene.video.settings import KnownLength, VideoSettings
 from rpaug.scene.video.video_scene import VideoScene, look_at
 
@@ -95,11 +103,11 @@ def develop(
     moved = _moved(look, [span for span, _ in bounds], where / f"moving-{given}.npz", tell)
     if cache is None:
         trim(keep=[where])
-    contradicted = tuple(int(model.times[k]) for k in moved.contradicted)
+    held = _held(model, moved.contradicted, episode.length)
+    contradicted = tuple(int(t) for k, t in enumerate(model.times) if k not in held)
     masks = list(moved.masks)
     if contradicted:
-        held = [k for k in range(len(bounds)) if k not in moved.contradicted]
-        model = _without(model, held, episode.length)
+        model = model.some(held)
         depths, masks = [depths[k] for k in held], [masks[k] for k in held]
         look = _looks(view, model, lens, small, depths)
     for k, mask in enumerate(masks) if view.hands else ():
@@ -140,15 +148,22 @@ def _looks(
     return look
 
 
-def _without(model: Reconstruction, held: list[int], length: int) -> Reconstruction:
-    """The model of the frames `held` alone. Raises Unsupported if those are too few to be believed."""
-    some = model.some(held)
+def _held(model: Reconstruction, wrong: Sequence[int], length: int) -> list[int]:
+    """The rows of the model's frames that are believed: not those that move otherwise, and those of pieces that are a
+    model by themselves. Raises Unsupported if those are too few."""
+    kept = [k for k in range(len(model.times)) if k not in wrong]
+    some = model.some(kept)
     if faults := some.faults(length):
-        contradicted = len(model.times) - len(held)
         raise Unsupported(
-            f"structure from motion is degenerate ({contradicted} frames do not move as it says; {', '.join(faults)})"
+            f"structure from motion is degenerate ({len(wrong)} frames do not move as it says; {', '.join(faults)})"
         )
-    return some
+    parts = [rows for rows in pieces.pieces(some.seen) if not some.some(rows).faults(len(rows))]
+    held = sorted(kept[k] for rows in parts for k in rows)
+    if len(held) < LEAST_SHARE * length:
+        raise Unsupported(
+            f"structure from motion is degenerate (pieces that hang together have {len(held)} of {length} frames)"
+        )
+    return held
 
 
 def _with_kept(video: VideoScene, where: Path, asked: VideoSettings) -> VideoScene:
@@ -165,17 +180,15 @@ def _with_kept(video: VideoScene, where: Path, asked: VideoSettings) -> VideoSce
 
 def _standing(video: VideoScene) -> VideoScene:
     """The video in a world whose z is up, with the instances of its still world, in its depth's own unit."""
-    factor = world.unit(video.depths)
-    depths = [np.asarray(factor * depth, np.float32) for depth in video.depths]
-    model = video.model.moved(np.eye(4), factor)
-    up, level = world.upright(model)
-    placed = replace(video, model=model.moved(up, 1.0), depths=tuple(depths))
+    parts = pieces.pieces(video.model.seen)
+    model, depths, of, level = pieces.placed(video.model, parts, video.depths)
+    placed = replace(video, model=model, depths=tuple(depths), pieces=tuple(of))
 
     def find() -> InstanceMap:
         some = np.linspace(0, len(depths) - 1, min(LOOKED, len(depths))).round().astype(int)
         looks = [replace(placed.look(k), hidden=video.moving[k]) for k in some.tolist()]
         found = instances.find(looks)
-        return found if level is None else instances.with_support(found, looks, level)
+        return found if level is None else supports.with_supports(found, looks, level, len(parts))
 
     assert video.kept is not None
     return replace(placed, instances=video.kept.map(find))
@@ -207,8 +220,7 @@ def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
             raise BadInput(
                 video.recorded.key, "video.camera_height", found=found, expected="a support"
             )
-        height = float(np.median(video.model.cam_to_world[:, 2, 3])) - video.instances.level
-        return _grown(video, asked.camera_height / height, "metres, by the camera's height")
+        return _grown(video, asked.camera_height / video.eye, "metres, by the camera's height")
     if asked.known_length is not None:
         length = _measured(video, asked.known_length)
         return _grown(video, asked.known_length.metres / length, "metres, by a known length")
@@ -216,13 +228,11 @@ def scaled(video: VideoScene, asked: VideoSettings) -> VideoScene:
 
 
 def _grown(video: VideoScene, factor: float, unit: str) -> VideoScene:
-    given = video.instances
-    level = None if given.level is None else factor * given.level
     return replace(
         video,
         model=video.model.moved(np.eye(4), factor),
         depths=tuple(np.asarray(factor * depth, np.float32) for depth in video.depths),
-        instances=replace(given, cell=factor * given.cell, level=level),
+        instances=video.instances.scaled(factor),
         unit=unit,
     )
 

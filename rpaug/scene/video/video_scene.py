@@ -17,7 +17,8 @@ from rpaug.core.jit import kernel
 from rpaug.core.pixels import bounds, grown
 from rpaug.core.types import Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances, as_beliefs
-from rpaug.scene.video import instances
+from rpaug.scene.targets import roles
+from rpaug.scene.video import believed, instances
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
@@ -27,6 +28,7 @@ from rpaug.scene.video.upsampled import upsampled
 
 SURE = 0.6  # of its roles: nothing checks them by contact
 KEPT = 8  # images of one kind
+RESTING = 8  # frames before and after that a hand may rest in
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
 AROUND = 9  # pixels around what moves by itself that tell how far what it hides is
 BEFORE = 0.9  # of that: nothing tells how far it is, but it hides the rest
@@ -46,6 +48,9 @@ class VideoScene:
     fit_width: int = 320  # pixels: of the images that Gaussians are fitted to
     small: SmallFrames = field(default_factory=SmallFrames)
     kept: KeptInstances | None = None  # where instance ids that were told before lie
+    pieces: tuple[
+        int, ...
+    ] = ()  # of each frame the piece of the model that it belongs to, if there are several
 
     @cached_property
     def name(self) -> str:
@@ -100,18 +105,38 @@ class VideoScene:
         """What there is: everything stands still but hands and what they carry."""
         still = np.tile(np.eye(4), (self.episode.length, 1, 1))
         bodies = tuple(Body(frozenset([h]), still, "static") for h in self.instances.every)
-        roles = {"background": frozenset([instances.BACKGROUND])}
+        known = {"background": frozenset([instances.BACKGROUND])}
         if self.hand is not None:
             bodies = (*bodies, Body(frozenset([self.hand]), still, "unknown", ambiguous=True))
-            roles["robot"] = frozenset([self.hand])
-        if self.instances.support:
-            roles["table"] = self.instances.support
+            known["robot"] = frozenset([self.hand])
         beliefs = as_beliefs(
-            roles, SURE, "told by the reconstructed depth and by what moves by itself"
+            known, SURE, "told by the reconstructed depth and by what moves by itself"
         )
+        table = believed.table(self.instances, self.spans)
+        beliefs |= {"table": table} if table else {}
+        told = believed.told(self.instances, self.spans, self.eye)
         return FoundInstances(
-            self.episode, bodies, roles, photographed=True, back=self, beliefs=beliefs
-        )
+            self.episode, bodies, roles.held(beliefs), photographed=True, back=self,
+            beliefs=beliefs, told=told,
+        )  # fmt: skip
+
+    @cached_property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        """First and last recorded frame of each piece of the model."""
+        piece = np.array(self.pieces or [0] * len(self.model.times))
+        times = [self.model.times[piece == number] for number in range(int(piece.max()) + 1)]
+        return tuple((int(own.min()), int(own.max())) for own in times)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Where edits of the table leave out frames, or may paint what is none, in sentences."""
+        return believed.doubts(self.instances, self.spans)
+
+    @cached_property
+    def eye(self) -> float:
+        """The camera's height above its support, the median over the frames that have one."""
+        above = self.model.cam_to_world[:, 2, 3] - (self.instances.level or 0.0)
+        return float(np.median(above[above > 0])) if (above > 0).any() else 0.0
 
     def __call__(self, edited: Episode, everywhere: Everywhere) -> Episode:
         """The recording with the frames of an edited scene in it, and in all others what is edited everywhere."""
@@ -145,6 +170,7 @@ class VideoScene:
             "points": len(self.model.points),
             "ray_angle_degrees": round(self.model.angle(), 2),
             "unit": self.unit,
+            "pieces": [list(span) for span in self.spans],
             **self.model.facts,
         }
 
@@ -207,14 +233,18 @@ class VideoScene:
         t = int(self.model.times[k])
         view = self.episode.views[self.name]
         image = self.small.image(t, partial(view.rgb, k))
-        return look_at(t, image, self.lens, self.model.cam_to_world[k], self.depths[k], self.small)
+        seen = self.model.points[self.model.seen[k]]
+        made = look_at(t, image, self.lens, self.model.cam_to_world[k], self.depths[k], self.small)
+        return replace(made, sighted=seen, piece=self.pieces[k] if self.pieces else 0)
 
     def _tell(self, k: int) -> UInt16[np.ndarray, "h w"]:
         look, named = self._named(k)
         beside = [self._named(j) for j in (k - 1, k + 1) if 0 <= j < len(self.depths)]
         ids = self.instances.of(look, named, beside)
         if self.hand is not None:
-            ids = np.where(self.moving[k], self.hand, ids)
+            near = self.moving[max(0, k - RESTING) : k + RESTING + 1]
+            hand = self.instances.covered(look, ids, self.moving[k], np.any(near, 0))
+            ids = np.where(hand, self.hand, ids)
         return ids.astype(np.uint16)
 
 

@@ -8,29 +8,47 @@ from jaxtyping import Float64
 from rpaug.core import geometry
 from rpaug.scene.video.model import Reconstruction
 
+ROLL, PITCH = (
+    10.0,
+    45.0,
+)  # degrees that cameras are turned about their axes, and up or down: standard deviations
 TILTED = 45.0  # degrees that the scene's level surfaces may differ from level by the cameras' own upright
+ABOVE = 0.9  # of the cameras are above a support
 SAMPLES = 3000
 THICK = 0.006  # of the median distance: points so near to a plane lie in it
 LEAST = 0.05  # of all sightings of points lie in a plane that is one
 TYPICAL = 1.2  # metres: taken for the median depth where nothing tells the unit
 
 
-def upright(model: Reconstruction) -> tuple[Float64[np.ndarray, "4 4"], float | None]:
+def upward(cam_to_world: Float64[np.ndarray, "m 4 4"]) -> Float64[np.ndarray, "3"]:
+    """Up by the cameras alone: the direction that leaves them least rolled, and pitched (Brown and Lowe 2007).
+
+    Where a camera looks straight down, its image's own upright is level: the images of a video that turns about tell.
+    """
+    right, down, ahead = (cam_to_world[:, :3, k] for k in range(3))
+    rolled, pitched = np.sin(np.radians([ROLL, PITCH])) ** 2
+    up = np.linalg.eigh(right.T @ right / rolled + ahead.T @ ahead / pitched)[1][:, 0]
+    return np.asarray(up * np.sign(-(down + ahead).sum(0) @ up))
+
+
+def upright(
+    model: Reconstruction, start: Float64[np.ndarray, "3"]
+) -> tuple[Float64[np.ndarray, "4 4"], float | None]:
     """The motion into a world whose z is up, and the support's height there, None where no level plane is found.
 
-    The support is the plane that most sightings of points lie in, among those that are level by the cameras' own
-    upright (random samples, Fischler and Bolles 1981, always the same ones). Its normal is up.
+    The support is the plane that most sightings of points lie in, among those that are level by `start`, which is about
+    up, and seen from above (random samples, Fischler and Bolles 1981, always the same ones). Its normal is up.
     """
-    ups = -model.cam_to_world[:, :3, 1]
-    start = ups.mean(0) / np.linalg.norm(ups.mean(0))
-    points, weight = model.points, model.seen.sum(0)
-    size = float(np.median(np.linalg.norm(points - model.cam_to_world[:, :3, 3].mean(0), axis=1)))
+    points, weight, eyes = model.points, model.seen.sum(0), model.cam_to_world[:, :3, 3]
+    size = float(np.median(np.linalg.norm(points - eyes.mean(0), axis=1)))
     rng, best, kept = np.random.default_rng(0), 0.0, np.zeros(len(points), bool)
     for _ in range(SAMPLES):
         a, b, c = points[rng.integers(len(points), size=3)]
         normal = np.cross(b - a, c - a)
         normal /= max(float(np.linalg.norm(normal)), 1e-12)
         if abs(normal @ start) < np.cos(np.radians(TILTED)):
+            continue
+        if (((eyes - a) @ normal) * (normal @ start) > 0).mean() < ABOVE:
             continue
         inside = np.abs((points - a) @ normal) < THICK * size
         if (total := float(weight[inside].sum())) > best:

@@ -97,7 +97,7 @@ def test_straight_undoes_bent() -> None:
 
 def test_up_is_what_the_support_faces() -> None:
     model = walks.model(LENGTH)
-    motion, level = world.upright(model)
+    motion, level = world.upright(model, world.upward(model.cam_to_world))
     placed = model.moved(motion, 1.0)
     assert level is not None
     assert np.abs(placed.points[:, 2] - level).max() < 1e-6

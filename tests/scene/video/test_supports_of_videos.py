@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rpaug.scene.instances import color_clusters
-from rpaug.scene.video import instances
+from rpaug.scene.video import believed, instances, supports
 from rpaug.scene.video.frame import PosedFrame
-from rpaug.scene.video.instances import BACKGROUND, FIRST, InstanceMap
+from rpaug.scene.video.instances import BACKGROUND, FIRST, InstanceMap, Support
 
 TAN, RED = (190, 150, 90), (200, 20, 30)
 H, W = 60, 80
@@ -38,9 +38,8 @@ def mapped(look: PosedFrame, named: np.ndarray) -> InstanceMap:
         color_clusters.weighted(np.array(TAN, np.uint8)),
     )
     known = ids >= FIRST
-    return InstanceMap(
-        cell, codes[known], ids[known], 2, frozenset([TABLE]), 0.0, color.astype(np.float32)
-    )
+    support = Support(frozenset([TABLE]), color.astype(np.float32))
+    return InstanceMap(cell, codes[known], ids[known], 2, (support,), 0.0)
 
 
 def nothing() -> InstanceMap:
@@ -91,10 +90,52 @@ def test_a_part_that_one_frame_alone_shows_apart_is_the_support_if_it_has_its_co
 ) -> None:
     named = np.full((H, W), TABLE)
     named[RIGHT] = THING
-    found = replace(mapped(above(TAN), named), support=frozenset())
+    found = replace(mapped(above(TAN), named), supports=())
     looks = [above(TAN) for _ in range(12)] + [above(color)]
     looks[-1].__dict__["segments"] = (named == THING).astype(np.int32)
-    assert instances.with_support(found, looks, 0.0).support == support
+    assert supports.with_supports(found, looks, 0.0, 1).support == support
+
+
+def beside(height: float, piece: int = 0) -> PosedFrame:
+    """A table with a patch of its color at its right, whose depth was filled in, and of which points were measured at a
+    height below the table's."""
+    look = above((184, 146, 90))
+    look.__dict__["segments"] = np.zeros((H, W), np.int32)
+    look.segments[RIGHT] = 1
+    flat = look.points[::7, ::7].reshape(-1, 3)
+    row, column, _ = look.sees(flat)
+    inner = np.zeros((H, W), bool)
+    inner[RIGHT] = True
+    flat[inner[row, column]] *= 1 - height
+    flat[inner[row, column], 2] = height
+    return replace(look, sighted=flat, piece=piece)
+
+
+@pytest.mark.parametrize(("height", "support"), [(0.0, {TABLE, THING}), (-0.5, {TABLE})])
+def test_what_was_measured_to_lie_lower_is_no_table_though_its_depth_was_filled_in(
+    height: float, support: set[int]
+) -> None:
+    named = np.full((H, W), TABLE)
+    named[RIGHT] = THING
+    looks = [beside(height) for _ in range(4)]
+    for look in looks:
+        look.__dict__["segments"] = (named == THING).astype(np.int32)
+    found = supports.with_supports(replace(mapped(above(TAN), named), supports=()), looks, 0.0, 1)
+    assert found.support == support
+    (one,) = found.supports
+    assert one is not None
+    assert one.measured > 0.95
+    belief, told = believed.table(found, [(0, 3)]), believed.told(found, [(0, 3)], 1.0)
+    assert belief is not None
+    assert belief.confidence > 0.9
+    assert ["3 (50 cm below it)" in said for said in told] == [True] * (height < 0)
+
+
+def test_a_support_that_frames_do_not_agree_on_is_doubted() -> None:
+    looks = [above(TAN) for _ in range(4)]
+    masks = [np.full((H, W), k % 2 == 0) for k in range(4)]
+    assert supports._disputed(looks, masks) > 0.5
+    assert supports._disputed(looks, [np.ones((H, W), bool)] * 4) == 0
 
 
 def test_a_thing_takes_what_its_color_says_is_left_of_it() -> None:

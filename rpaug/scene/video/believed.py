@@ -1,0 +1,78 @@
+"""What is believed of a video's table, in words: which surfaces, in which frames, how sure; and what else is level."""
+
+from collections.abc import Sequence
+
+from rpaug.core.types import Belief
+from rpaug.scene.video.instances import InstanceMap, Support
+
+DISPUTED = 0.1  # of a surface's pixels: more is told
+LISTED = 4  # other level surfaces
+Span = tuple[int, int]
+
+
+def table(found: InstanceMap, spans: Sequence[Span]) -> Belief | None:
+    """The belief, None where nothing is level. `spans` are the first and last recorded frame of each piece."""
+    known = _supports(found)
+    if not known:
+        return None
+    ids = frozenset[int]().union(*(one.instance_ids for _, one in known))
+    sure = min(one.measured * (1 - one.disputed) for _, one in known)
+    return Belief(ids, sure, tuple(_reason(one, spans[k], len(spans)) for k, one in known))
+
+
+def doubts(found: InstanceMap, spans: Sequence[Span]) -> tuple[str, ...]:
+    """Where edits of the table leave out frames, or may paint what is none, in sentences."""
+    known = dict(_supports(found))
+    none = [
+        f"frames {first} to {last} show no table that is known: edits of the table leave them out"
+        for k, (first, last) in enumerate(spans)
+        if known and k not in known
+    ]
+    wrong = [
+        f"{one.disputed:.0%} of the table {_numbers(one)} (frames {spans[k][0]} to {spans[k][1]}) is something else in"
+        " other frames: it may be painted wrongly there"
+        for k, one in known.items()
+        if one.disputed > DISPUTED
+    ]
+    return (*none, *wrong)
+
+
+def told(found: InstanceMap, spans: Sequence[Span], eye: float) -> tuple[str, ...]:
+    """What `rpaug inspect` says of the table beside the belief: pieces, doubts, other level surfaces. `eye` is the
+    camera's height above its support."""
+    frames = "; ".join(f"{first} to {last}" for first, last in spans)
+    parted = [
+        f"the camera is known in {len(spans)} pieces (frames {frames}) that share too few points to be set beside each"
+        " other: each has a table of its own, and what is put on one is not on the others"
+    ] * (len(spans) > 1)
+    levels = [_levels(found, k, one, eye) for k, one in _supports(found)]
+    return (*parted, *doubts(found, spans), *filter(None, levels))
+
+
+def _supports(found: InstanceMap) -> list[tuple[int, Support]]:
+    return [(piece, one) for piece, one in enumerate(found.supports) if one]
+
+
+def _reason(one: Support, span: Span, pieces: int) -> str:
+    where = f" in frames {span[0]} to {span[1]}" if pieces > 1 else ""
+    return (
+        f"instance {_numbers(one)}{where}: the largest level surface below the camera; {one.measured:.0%} of"
+        f" {one.sightings} measured points lie in its plane, and {one.disputed:.0%} of its pixels are something else"
+        " in another frame"
+    )
+
+
+def _levels(found: InstanceMap, piece: int, table: Support, eye: float) -> str:
+    """The other level surfaces of a piece, the largest first."""
+    others = [one for one in found.levels if one.piece == piece][:LISTED]
+    if not others:
+        return ""
+    heights = (
+        f"{one.instance_id} ({100 * abs(one.height) * eye:.0f} cm {'above' if one.height > 0 else 'below'} it)"
+        for one in others
+    )
+    return f"level as well, and not the table {_numbers(table)}: {', '.join(heights)}; {{handle: ID}} names one"
+
+
+def _numbers(one: Support) -> str:
+    return ", ".join(map(str, sorted(one.instance_ids)))
