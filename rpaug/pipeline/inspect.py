@@ -1,7 +1,7 @@
 """What an episode holds: cameras, frames, words, and every instance with its role, color, size and motion."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,13 @@ def inspect(
     described["assumed"] = [*found.notes, *found.told, *wrong, *assumed]
     told(episode.key, "measuring instances")
     rows = survey(scene.episode, scene.bodies, scene.roles)
+    if isinstance(scene.back, VideoScene) and len(scene.back.spans) > 1:
+        # Nothing tells how pieces lie beside each other: what is in several has no size.
+        spread = scene.roles["background"] | scene.roles.get("robot", frozenset())
+        rows = tuple(
+            replace(row, size_cm=(0.0, 0.0, 0.0)) if row.instance_id in spread else row
+            for row in rows
+        )
     described["roles"] = role_facts.describe(scene)
     described["light"] = beliefs.described(scene)
     described["antialiased"] = scene.antialiased
