@@ -75,7 +75,9 @@ def _taken(value: Mapping[str, Any], whole: Mapping[str, Any]) -> str:
         return f"[{', '.join(_taken(one, whole) for one in items)}{more}]"
     if value.get("type") == "object":
         named = value.get("propertyNames", {}).get("enum", ())
-        inner = value.get("properties") or {key: value["additionalProperties"] for key in named}
+        inner = value.get("properties") or dict.fromkeys(
+            named, value.get("additionalProperties", {})
+        )
         return "{" + ", ".join(f"{k}: {_taken(one, whole)}" for k, one in inner.items()) + "}"
     if value.get("pattern", "").startswith("^#"):
         return "#rrggbb"
