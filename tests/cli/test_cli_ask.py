@@ -105,7 +105,7 @@ def test_a_model_is_asked_and_its_key_is_nowhere(
     assert "cost: 2e-05" in stated
     for text in (stated, out.read_text(), log.read_text()):
         assert KEY not in text
-    assert "wish.v3" in log.read_text()
+    assert "wish.v4" in log.read_text()
 
 
 def test_the_key_is_in_nothing_that_a_run_writes(
