@@ -138,12 +138,14 @@ class Made:
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """What is not edited, or may be wrongly, in frames of a video: where its camera was not found, and no table."""
+        """What is not edited, or may be wrongly, in frames of a video: where its camera was not found, or a role is
+        doubted."""
         missing = getattr(self.scene.back, "missing", ())
         edits = [one.option for one in self.draws if one.edit is not None and one.option]
         placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
         named = (target.role for one in edits for target in planning.targets(one.operator))
-        doubts = getattr(self.scene.back, "doubts", ()) if "table" in named else ()
+        known = getattr(self.scene.back, "doubts", {})
+        doubts = tuple(doubt for role in dict.fromkeys(named) for doubt in known.get(role, ()))
         if not missing or not placed:
             return doubts
         total = f"{len(missing)} of {len(missing) + self.episode.length} frames"

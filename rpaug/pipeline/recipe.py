@@ -133,6 +133,11 @@ class Option:
     weight: float = 1.0
 
 
+def _number(word: str) -> int:
+    """A number that tells a random stream by a word."""
+    return int.from_bytes(hashlib.blake2b(word.encode(), digest_size=8).digest(), "little")
+
+
 @dataclass(frozen=True)
 class Step:
     """One entry of `edits`: taken with `probability`, as one of `options`.
@@ -150,9 +155,7 @@ class Step:
         """The number of the random stream that steps of one word share; None for a step alone."""
         if self.together is None:
             return None
-        return int.from_bytes(
-            hashlib.blake2b(self.together.encode(), digest_size=8).digest(), "big"
-        )
+        return _number(self.together)
 
     def draw(self, chance: float, rng: np.random.Generator) -> Option | None:
         """The option of this draw, or None if the step is skipped: `chance` is drawn from U[0, 1)."""
@@ -236,7 +239,7 @@ class Recipe:
         A copy that failed its gates is drawn again with the next `attempt`. `key` is relative to the dataset's root:
         two datasets with the same keys draw alike under one seed.
         """
-        name = int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8).digest(), "little")
+        name = _number(key)
         again = [attempt] if attempt else []
         return np.random.default_rng([self.seed, name, copy, step, *again])
 

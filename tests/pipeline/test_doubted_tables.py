@@ -1,4 +1,4 @@
-"""A copy of a video says where its table is doubted, if an edit is about the table."""
+"""A copy of a video says where its table or background is doubted, if an edit is about that."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -7,6 +7,7 @@ import pytest
 
 from rpaug.pipeline import recipe
 from rpaug.pipeline.copies import Draw, Made
+from rpaug.scene.video.believed import BEHIND
 
 DOUBT = "frames 39 to 52 show no table that is known: edits of the table leave them out"
 
@@ -17,13 +18,14 @@ DOUBT = "frames 39 to 52 show no table that is known: edits of the table leave t
         ("table_texture", {}, [], (DOUBT,)),
         ("recolor", {"target": {"role": "table"}, "color": "red"}, [], (DOUBT,)),
         ("recolor", {"target": {"handle": 7}, "color": "red"}, [], ()),
+        ("background_texture", {}, [], (BEHIND,)),
         ("table_texture", {}, [3, 4], ("2 of 10 frames (3 to 4) have no camera pose", DOUBT)),
     ],
 )
 def test_doubts_about_the_table_are_told_with_edits_of_it(
     op: str, fields: dict[str, Any], missing: list[int], told: tuple[str, ...]
 ) -> None:
-    back = SimpleNamespace(missing=missing, doubts=(DOUBT,))
+    back = SimpleNamespace(missing=missing, doubts={"table": (DOUBT,), "background": (BEHIND,)})
     draws = (Draw(0, recipe.option(op, fields), {}),)
     made: Any = SimpleNamespace(
         scene=SimpleNamespace(back=back), draws=draws, episode=SimpleNamespace(length=8)

@@ -7,6 +7,7 @@ from rpaug.scene.video.instances import InstanceMap, Support
 
 DISPUTED = 0.1  # of a surface's pixels: more is told
 LISTED = 4  # other level surfaces
+BEHIND = "the background of a video is all that is no instance of its own: arms and things may be painted with it"
 Span = tuple[int, int]
 
 

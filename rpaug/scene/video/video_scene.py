@@ -4,7 +4,7 @@ The scene holds the registered frames alone, as pinhole images; `Film` brings an
 through the lens, and with the frames that were not registered as they were.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
@@ -128,9 +128,10 @@ class VideoScene:
         return tuple((int(own.min()), int(own.max())) for own in times)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Where edits of the table leave out frames, or may paint what is none, in sentences."""
-        return believed.doubts(self.instances, self.spans)
+    def doubts(self) -> Mapping[str, tuple[str, ...]]:
+        """Where edits of a role leave out frames, or may paint what has it not, in sentences."""
+        table = believed.doubts(self.instances, self.spans)
+        return {"table": table, "background": (believed.BEHIND,)}
 
     @cached_property
     def eye(self) -> float:
