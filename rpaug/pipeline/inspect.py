@@ -14,6 +14,7 @@ from rpaug.pipeline.run import group_of
 from rpaug.providers.models_settings import Models
 from rpaug.scene.instances import rgb_episode
 from rpaug.scene.lighting import beliefs
+from rpaug.scene.targets import agreement
 from rpaug.scene.targets.roles import NAMES
 from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.targets.survey import InstanceSummary, survey
@@ -60,7 +61,7 @@ def inspect(
     rows = survey(scene.episode, scene.bodies, scene.roles)
     if isinstance(scene.back, VideoScene) and len(scene.back.spans) > 1:
         # Nothing tells how pieces lie beside each other: what is in several has no size.
-        spread = scene.roles["background"] | scene.roles.get("robot", frozenset())
+        spread = agreement.playing(scene, "background") | agreement.playing(scene, "robot")
         rows = tuple(
             replace(row, size_cm=(0.0, 0.0, 0.0)) if row.instance_id in spread else row
             for row in rows

@@ -162,10 +162,11 @@ def pointed_out(of: Tried) -> Iterator[tuple[str, str]]:
     By their handle where that holds in all episodes, else by a color that nothing else has.
     """
     instances = of.described.get("instances", ())
+    doubted = {h for one in of.described.get("roles", {}).values() for h in one["handles"]}
     colors = Counter(one["color_name"] for one in instances)
     for one in sorted(instances, key=lambda one: -sum(one["pixels"].values())):
         alone = colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
-        if not one["role"] and (of.lasting or alone):
+        if not (one["role"] or one["handle"] in doubted) and (of.lasting or alone):
             handle, color = one["handle"], one["color_name"]
             target = f"{{handle: {handle}}}" if of.lasting else f"the {color} thing"
             yield f"instance {handle} ({color})", target

@@ -42,13 +42,6 @@ class FoundInstances:
         )
 
 
-def as_beliefs(
-    roles: Mapping[str, frozenset[int]], confidence: float, reason: str
-) -> dict[str, Belief]:
-    """Roles that one piece of evidence tells, as beliefs."""
-    return {name: Belief(found, confidence, (reason,)) for name, found in roles.items()}
-
-
 class InstanceFinder(Protocol):
     """One source of instances: recorded masks, motion, color images alone, or a moving camera's video."""
 

@@ -14,7 +14,7 @@ from jaxtyping import Int32
 from rpaug.core.errors import Unsupported
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, ProxyGeometry
 from rpaug.scene.instances import ground_plane, modelled_depth, rgb_things
-from rpaug.scene.instances.found import FoundInstances, as_beliefs
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.instances.modelled_depth import StillCamera
 from rpaug.scene.instances.outlined import Outlined
 from rpaug.scene.instances.rgb_things import CameraInstanceMap
@@ -74,7 +74,8 @@ def find(
 def _beliefs(seen: CameraInstanceMap) -> dict[str, Belief]:
     """Roles by color and motion; by the gripper where that closes. What it closes on and cannot be told from support
     or surroundings makes neither of them a target: an edit of the whole would change it."""
-    found = as_beliefs(seen.roles, SURE, "told by color and by what changes: there is no depth")
+    reason = "told by color and by what changes: there is no depth"
+    found = {name: Belief(one, SURE, (reason,)) for name, one in seen.roles.items()}
     held = seen.gripped
     if held.thing is not None and held.thing in seen.manipulated:
         reason = f"the gripper closes on it in all cameras that see its end, {100 * held.share:.0f} % of it at least"

@@ -16,7 +16,7 @@ from rpaug.core.types import Body, Scene
 from rpaug.scene.placement.free_space import CELL, FreeSpace
 from rpaug.scene.placement.placing import find_free_space, hull, points_by_instance_id, points_of
 from rpaug.scene.placement.standing import LIFTED
-from rpaug.scene.targets.agreement import APART
+from rpaug.scene.targets import agreement
 
 STEPS = 24  # factors tried between the recorded size and the one asked for
 INSIDE = 0.005  # metres inside or outside of a side, from which on that is clear
@@ -36,7 +36,7 @@ def held(
     it may be, as long as some of it is inside. Of two things that lie in one another the larger holds; and
     what only lies above the instances, in what holds both, is held by that: one drawer does not carry the next.
     """
-    apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
+    apart = instance_ids | agreement.apart(scene)
     others = [body for body in scene.tracked if not body.instance_ids & apart]
     clouds = points_by_instance_id(scene, instance_ids.union(*(b.instance_ids for b in others)))
     outer = _joined(clouds, instance_ids)
@@ -139,7 +139,7 @@ def _within(
     may come out: there it is open. So it is at the top, unless some of the other thing was seen above it.
     """
     way = _way(scene, instance_ids)
-    apart = instance_ids.union(*(scene.roles.get(role, frozenset()) for role in APART))
+    apart = instance_ids | agreement.apart(scene)
     for body in scene.tracked:
         if body.instance_ids & apart:
             continue

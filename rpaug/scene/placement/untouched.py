@@ -11,6 +11,7 @@ from rpaug.core.types import Episode, Scene
 from rpaug.scene.placement import standing, zones
 from rpaug.scene.placement.placing import find_free_space, points_of
 from rpaug.scene.sampled_frames import look
+from rpaug.scene.targets import agreement
 from rpaug.scene.targets.targets import Target, find
 from rpaug.scene.tracking.touch import touching
 
@@ -78,7 +79,7 @@ def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str
                 f"{doing} {target}: {_names(held)} {what}; the recorded actions would be untrue"
             )
     for role in CARRYING:
-        if held := instance_ids & scene.roles.get(role, frozenset()):
+        if held := instance_ids & agreement.playing(scene, role):
             raise Unsupported(
                 f"{doing} {target}: {_names(held)} is the {role}, which carries the rest"
             )

@@ -39,9 +39,15 @@ def modelled(scene: Scene) -> bool:
 
 def apart(scene: Scene) -> frozenset[int]:
     """Instances that are robot, table or background, or may be."""
-    held = [scene.roles.get(role, frozenset()) for role in APART]
-    told = [one.instance_ids for role, one in scene.beliefs.items() if role in APART]
-    return frozenset().union(*held, *(told if photographed(scene) else ()))
+    return frozenset().union(*(playing(scene, role) for role in APART))
+
+
+def playing(scene: Scene, role: str) -> frozenset[int]:
+    """Instances that have a role; in color images and videos, whose things rpaug told, also those that may have it."""
+    held, doubted = scene.roles.get(role, frozenset()), scene.beliefs.get(role)
+    if doubted is None or not (photographed(scene) or scene.back is not None):
+        return held
+    return held | doubted.instance_ids
 
 
 def dispute(

@@ -3,11 +3,14 @@
 from collections.abc import Sequence
 
 from rpaug.core.types import Belief
+from rpaug.scene.video import instances
 from rpaug.scene.video.instances import InstanceMap, Support
 
 DISPUTED = 0.1  # of a surface's pixels: more is told
 LISTED = 4  # other level surfaces
 BEHIND = "the background of a video is all that is no instance of its own: arms and things may be painted with it"
+# Below the bound of roles: nothing measures it.
+BACKGROUND = Belief(frozenset([instances.BACKGROUND]), 0.2, (BEHIND,))
 Span = tuple[int, int]
 
 

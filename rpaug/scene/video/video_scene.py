@@ -15,10 +15,10 @@ from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import bounds, grown
-from rpaug.core.types import Body, Camera, CameraView, Episode, Everywhere, Scene
-from rpaug.scene.instances.found import FoundInstances, as_beliefs
+from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, Everywhere, Scene
+from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.targets import roles
-from rpaug.scene.video import believed, instances
+from rpaug.scene.video import believed
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
@@ -26,7 +26,8 @@ from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction
 from rpaug.scene.video.upsampled import upsampled
 
-SURE = 0.6  # of its roles: nothing checks them by contact
+SURE = 0.6  # of what moves by itself: nothing checks it by contact
+MOVES = "it moves by itself, or is carried by what does"
 KEPT = 8  # images of one kind
 RESTING = 8  # frames before and after that a hand may rest in
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
@@ -105,15 +106,13 @@ class VideoScene:
         """What there is: everything stands still but hands and what they carry."""
         still = np.tile(np.eye(4), (self.episode.length, 1, 1))
         bodies = tuple(Body(frozenset([h]), still, "static") for h in self.instances.every)
-        known = {"background": frozenset([instances.BACKGROUND])}
+        beliefs = {"background": believed.BACKGROUND}
         if self.hand is not None:
-            bodies = (*bodies, Body(frozenset([self.hand]), still, "unknown", ambiguous=True))
-            known["robot"] = frozenset([self.hand])
-        beliefs = as_beliefs(
-            known, SURE, "told by the reconstructed depth and by what moves by itself"
-        )
-        table = believed.table(self.instances, self.spans)
-        beliefs |= {"table": table} if table else {}
+            hand = frozenset([self.hand])
+            bodies = (*bodies, Body(hand, still, "unknown", ambiguous=True))
+            beliefs["robot"] = Belief(hand, SURE, (MOVES,))
+        if table := believed.table(self.instances, self.spans):
+            beliefs["table"] = table
         told = believed.told(self.instances, self.spans, self.eye)
         return FoundInstances(
             self.episode, bodies, roles.held(beliefs), photographed=True, back=self,

@@ -11,12 +11,16 @@ import walks
 from rpaug import BadInput, Unsupported
 from rpaug.compose import views
 from rpaug.core import geometry
+from rpaug.core.errors import TargetError
 from rpaug.operators.light_color import LightColor
 from rpaug.pipeline import recipe
 from rpaug.pipeline.copies import Draw, Made
 from rpaug.pipeline.inspect import inspect
 from rpaug.pipeline.plan import Plan
 from rpaug.pipeline.report import Tally
+from rpaug.scene.placement import untouched
+from rpaug.scene.targets import agreement, targets
+from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction, believed, load, save
@@ -314,3 +318,18 @@ def test_paint_in_a_video_is_paint_in_its_light(made: VideoScene) -> None:
     drawn = step.options[0].operator.sample(made.scene(), np.random.default_rng(0))["color"]
     assert drawn[2] < 1
     assert min(drawn[:2]) > 0
+
+
+def test_the_background_of_a_video_is_edited_only_where_a_person_settles_it(
+    made: VideoScene,
+) -> None:
+    scene = made.scene()
+    with pytest.raises(TargetError, match=r"the background is doubted: .* all that is no instance"):
+        targets.find(scene, targets.BACKGROUND)
+    assert instances.BACKGROUND in agreement.apart(scene)
+    with pytest.raises(Unsupported, match="is the background, which carries the rest"):
+        untouched.check(scene, frozenset([instances.BACKGROUND]), "", "removing")
+    settled, wrong = settle(scene, {"background": SettledRole(handle=instances.BACKGROUND)})
+    assert targets.find(settled, targets.BACKGROUND) == {instances.BACKGROUND}
+    assert not wrong
+    assert made.doubts["background"]
