@@ -27,6 +27,7 @@ from rpaug.core.errors import Unsupported
 from rpaug.scene.video.model import Reconstruction, believed
 
 MOST_FRAMES = 300
+WATCHED = 1.0  # seconds between two looks at how far COLMAP is
 DOUBLED = 800  # pixels: narrower images are doubled before features are looked for
 Progress = Callable[[float, str], None]
 
@@ -165,16 +166,18 @@ def _pairs(frames: int, overlap: int) -> int:
 
 @contextlib.contextmanager
 def _watched(work: Path, table: str, total: int, tell: Callable[[float], None]) -> Iterator[None]:
-    """Tell every second which share of a table's rows COLMAP has written, which it does not say itself."""
+    """Tell every WATCHED seconds which share of a table's rows COLMAP has written, which it does not say itself.
+
+    Only those that left its write-ahead log count: whoever opens that takes locks, and COLMAP does not wait for them. It
+    lost pairs of frames so, or failed.
+    """
     done, path = threading.Event(), work / "features.db"
 
     def watch() -> None:
-        while not done.wait(1.0):
-            # With a write-ahead log whoever reads blocks nobody who writes.
-            if path.with_name("features.db-wal").exists():
-                with contextlib.suppress(sqlite3.Error), contextlib.closing(_reader(path)) as read:
-                    (rows,) = read.execute(f"SELECT count(*) FROM {table}").fetchone()
-                    tell(min(1.0, rows / max(1, total)))
+        while not done.wait(WATCHED):
+            with contextlib.suppress(sqlite3.Error), contextlib.closing(_reader(path)) as read:
+                (rows,) = read.execute(f"SELECT count(*) FROM {table}").fetchone()
+                tell(min(1.0, rows / max(1, total)))
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()
@@ -186,7 +189,7 @@ def _watched(work: Path, table: str, total: int, tell: Callable[[float], None]) 
 
 
 def _reader(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"file:{path}?mode=ro", uri=True)
+    return sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
 
 
 def _counting(tell: Progress, frames: int) -> Callable[[], None]:

@@ -60,8 +60,9 @@ def test_a_walk_is_found() -> None:
     assert not found.faults(LENGTH)
 
 
-def test_threads_change_nothing() -> None:
-    """Whichever thread comes to an image or a pair first."""
+def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever thread comes to an image or a pair first, and however often its progress is read meanwhile."""
+    monkeypatch.setattr(colmap, "WATCHED", 0.002)
     images = filmed(walk(0.05))
     models = [
         colmap.reconstruct(images, range(LENGTH), settings=replace(RULE, threads=threads))
