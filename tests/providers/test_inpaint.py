@@ -20,8 +20,20 @@ def test_a_gradient_is_continued_and_the_rest_stays(method):
     assert np.abs(painted[HOLE].astype(int) - IMAGE[HOLE]).mean() < 40
 
 
+def test_a_smooth_hole_has_no_edges_inside():
+    """Where two colors meet at its border others draw the line on, with wedges."""
+    halves = np.where(COLUMNS < 25, 60, 180).astype(np.uint8)[..., None].repeat(3, -1)
+    steps = {
+        method: np.abs(np.diff(inpaint.paint(method, halves, HOLE)[..., 0].astype(int), axis=1))[
+            HOLE[:, 1:]
+        ].max()
+        for method in ("smooth", "telea")
+    }
+    assert steps["smooth"] < 30 < steps["telea"]
+
+
 def test_unknown_ways_and_files_are_named():
-    with pytest.raises(RpaugError, match=r"'magic'.*fsr, shiftmap, telea, lama:FILE"):
+    with pytest.raises(RpaugError, match=r"'magic'.*fsr, shiftmap, smooth, telea, lama:FILE"):
         inpaint.check("magic")
     with pytest.raises(BadInput, match="TorchScript"):
         inpaint.check("lama:/nowhere.pt")

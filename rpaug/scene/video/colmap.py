@@ -168,8 +168,8 @@ def _pairs(frames: int, overlap: int) -> int:
 def _watched(work: Path, table: str, total: int, tell: Callable[[float], None]) -> Iterator[None]:
     """Tell every WATCHED seconds which share of a table's rows COLMAP has written, which it does not say itself.
 
-    Only those that left its write-ahead log count: whoever opens that takes locks, and COLMAP does not wait for them. It
-    lost pairs of frames so, or failed.
+    Only those that left its write-ahead log count: whoever opens that takes locks, and COLMAP, which does not wait for
+    them, lost pairs of frames, or failed.
     """
     done, path = threading.Event(), work / "features.db"
 
