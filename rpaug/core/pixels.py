@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Int, Shaped, UInt8
 
+ENOUGH = 4.0  # times the share of known pixels under a coarser one: a quarter is enough
+
 
 def differing(
     one: UInt8[np.ndarray, "h w 3"], other: UInt8[np.ndarray, "h w 3"]
@@ -61,3 +63,24 @@ def filled(
 ) -> Shaped[np.ndarray, "h w *c"]:
     """Every pixel with the value of its nearest known one; at least one must be known."""
     return values.reshape(-1, *values.shape[2:])[nearest(known, window)[0]]
+
+
+def smoothed(
+    values: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]
+) -> Float32[np.ndarray, "h w 3"]:
+    """Every unknown pixel with a smooth continuation of the known ones, which stay; at least one must be known.
+
+    Push-pull (Gortler et al., SIGGRAPH 1996, section 4.2): what is known is averaged down a pyramid until nothing is
+    missing, and is brought up into the gaps again.
+    """
+    share = known.astype(np.float32)
+    levels = [(values * share[..., None], share)]
+    while (levels[-1][1] == 0).any():
+        coarser, share = (cv2.pyrDown(image) for image in levels[-1])
+        enough = np.minimum(ENOUGH * share, 1)
+        levels.append((coarser * (enough / np.maximum(share, 1e-6))[..., None], enough))
+    coarser, share = levels.pop()
+    out = coarser / np.maximum(share, 1e-6)[..., None]
+    for finer, share in reversed(levels):
+        out = finer + (1 - share)[..., None] * cv2.pyrUp(out, dstsize=share.shape[::-1])
+    return out

@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from rpaug.core import registry
+from rpaug.core import pixels, registry
 from rpaug.core.errors import BadInput, RpaugError
 
 LAMA = "lama:"
-FULL = 4.0  # times the share of known pixels under a coarser one: a quarter is enough
 LAMA_STEP = 8  # pixels: the network's strides need sides that are multiples of this
 
 Paint = Callable[[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]], UInt8[np.ndarray, "h w 3"]]
@@ -85,20 +84,8 @@ def _telea(
 def _smooth(
     rgb: UInt8[np.ndarray, "h w 3"], hole: Bool[np.ndarray, "h w"]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """What is known is averaged down a pyramid until it closes the hole, and is brought up into it again."""
-    share = (~hole).astype(np.float32)
-    levels = [(rgb * share[..., None], share)]
-    while min(levels[-1][1].shape) > 1 and (levels[-1][1] == 0).any():
-        colors, share = (cv2.pyrDown(image) for image in levels[-1])
-        full = np.minimum(
-            FULL * share, 1
-        )  # pixels of a level that are known well enough hide what is below
-        levels.append((colors * (full / np.maximum(share, 1e-6))[..., None], full))
-    colors, share = levels.pop()
-    out = colors / np.maximum(share, 1e-6)[..., None]
-    for colors, share in reversed(levels):
-        out = colors + (1 - share)[..., None] * cv2.pyrUp(out, dstsize=share.shape[::-1])
-    return np.rint(np.clip(out, 0, 255)).astype(np.uint8)
+    painted = pixels.smoothed(rgb.astype(np.float32), ~hole)
+    return np.rint(np.clip(painted, 0, 255)).astype(np.uint8)
 
 
 METHODS: Mapping[str, Paint] = {

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rpaug.core import pixels
 
@@ -42,3 +44,21 @@ def test_differing_and_brightest_are_numpy_s_own():
     one, other = rng.integers(0, 3, (2, 9, 11, 3), np.uint8)
     assert np.array_equal(pixels.differing(one, other), (one != other).any(-1))
     assert np.array_equal(pixels.brightest(one), one.max(-1))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    shape=st.tuples(st.integers(1, 33), st.integers(1, 33)),
+    share=st.floats(0, 1),
+    seed=st.integers(0, 2**16),
+)
+def test_smoothed_keeps_what_is_known_and_leaves_its_range_nowhere(shape, share, seed):
+    rng = np.random.default_rng(seed)
+    known = rng.uniform(size=shape) < share
+    known[rng.integers(shape[0]), rng.integers(shape[1])] = True
+    values = rng.uniform(size=(*shape, 3)).astype(np.float32)
+    out = pixels.smoothed(values, known)
+    np.testing.assert_array_equal(out[known], values[known])
+    low, high = values[known].min(0), values[known].max(0)
+    assert (out >= low - 1e-4).all()
+    assert (out <= high + 1e-4).all()

@@ -128,7 +128,8 @@ def closed(
     through &= (outline > 0) & (near > 0)
     if not through.any():
         return drawn, through
-    rgb = _texture(drawn.image, through, own, QUICK).astype(np.float32) / np.float32(255)
+    shown = among(drawn.ids, support) & (drawn.depth > 0) & ~through
+    rgb = _texture(drawn.image, through, shown, QUICK).astype(np.float32) / np.float32(255)
     most = np.bincount(drawn.ids[own]).argmax()
     return replace(
         drawn,
