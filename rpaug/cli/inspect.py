@@ -112,8 +112,9 @@ def inspect(
         say(f"{role}: {ids}{sure(one)}{why}")
     for words in described["light"]:
         say(f"light: {words}")
+    sized = "size, cm" if inspection.measured(described) else "size, relative"
     say(
-        f"{'handle':>8}  {'role':12}{'color':9}{'size, cm':22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
+        f"{'handle':>8}  {'role':12}{'color':9}{sized:22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
     )
     for row in rows:
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion

@@ -64,7 +64,7 @@ class Stands:
     time, how its pictures are made, and what edits found of the places that it shows, if it is fixed."""
 
     pool: Callable[[], pooled.Pool]
-    grain: Callable[[], grain.Grain | None]
+    grain: Callable[[], grain.Grain | grain.FrameBlur | None]
     places: surface.KnownPlaces | None
 
 
@@ -101,7 +101,8 @@ def edited(
     for name in scene.episode.views:
         stands = scene.cameras[name] is scene.episode.views[name].camera
         images = partial(pooled.of_camera, scene.episode, name)
-        made = partial(grain.of, scene.episode, name)
+        video = scene.back is not None
+        made = grain.FrameBlur if video else partial(grain.of, scene.episode, name)
         places = surface.KnownPlaces() if scene.cameras[name].fixed else None
         stood = Stands(images, made, places) if stands else None
         proxy = scene.episode.views[name].proxy

@@ -42,6 +42,9 @@ SPOTS = 4  # places looked at of one thing
 ALIKE = 0.25  # of the things to choose from: those whose proportions are nearest to the target's
 
 
+NEAR = {"path": 1 / 6, "target": 1 / 6}  # shares of things, where a recording shows both
+
+
 def _shares(value: dict[str, float]) -> dict[str, float]:
     if sum(value.values()) > 1 + 1e-9:
         raise ValueError(f"the shares come to {sum(value.values())}, more than 1")
@@ -84,9 +87,7 @@ class Distractors(Operator):
     category: str | None = None
     color: str | None = None
     size: Sizes | None = (0.04, 0.16)  # metres of the longest side
-    near: Literal["path", "target", "anywhere"] | Shares = field(
-        default_factory=lambda: {"path": 1 / 6, "target": 1 / 6}
-    )
+    near: Literal["path", "target", "anywhere"] | Shares = field(default_factory=NEAR.copy)
     within: Annotated[float, Field(ge=0.05, le=1)] = 0.15  # metres
     workspace: zones.Box | None = None
     cameras: tuple[str, ...] | None = None
@@ -176,7 +177,7 @@ class Distractors(Operator):
         start = float(rng.random())
         for number in range(self.count):
             if number % self.groups == 0:
-                wanted, group = self._wanted((start + number / self.count) % 1), None
+                wanted, group = self._wanted((start + number / self.count) % 1, found), None
             asked[wanted] += 1
             alike = self._alike(scene, target, offered, rng)
             order = itertools.product(self._order(wanted, group), _fewest_first(alike, stand))
@@ -198,13 +199,14 @@ class Distractors(Operator):
             things.append({"handle": fresh[number], **one})
         return {"things": things, "asked": dict(asked), "elsewhere": dict(elsewhere)}
 
-    def _wanted(self, chance: float) -> str:
-        """The zone that the next things shall stand in, by a chance in 0..1."""
+    def _wanted(self, chance: float, found: zones.Zones) -> str:
+        """The zone that the next things shall stand in, by a chance in 0..1. By default none is asked for that the
+        recording does not show: a video has no gripper."""
         if isinstance(self.near, str):
             return self.near
         for zone, share in self.near.items():
             if chance < share:
-                return zone
+                return zone if self.near != NEAR or found[zone].any() else "beyond"
             chance -= share
         return "beyond"
 

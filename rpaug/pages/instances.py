@@ -11,7 +11,7 @@ from rpaug.core.types import Episode
 from rpaug.core.visible import quoted
 from rpaug.pages.document import color_of, document, facts, figure, outlined, png
 from rpaug.pipeline import role_facts
-from rpaug.pipeline.inspect import recorded_frames
+from rpaug.pipeline.inspect import measured, recorded_frames
 from rpaug.scene.targets.survey import InstanceSummary
 
 MARGIN = 4  # pixels around an instance's thumbnail
@@ -30,7 +30,7 @@ def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[Instance
         f"{''.join(f'<p class=bad>{given(words)}</p>' for words in notes)}"
         f"<div class='views large'>{''.join(_views(episode, names, recorded))}</div>"
         f"{_roles(described)}<h2>Instances</h2><div class=scroll tabindex=0><table><tr><th><th>handle<th>role<th>color"
-        "<th>size, cm<th>motion<th>residual, mm<th>seen in frames</tr>"
+        f"<th>size, {'cm' if measured(described) else 'relative'}<th>motion<th>residual, mm<th>seen in frames</tr>"
         f"{''.join(_row(episode, row, names[row.instance_id][1], recorded) for row in rows)}</table></div>"
         f"<h2>Cameras</h2><ul class=told>{''.join(_cameras(described))}</ul>"
     )

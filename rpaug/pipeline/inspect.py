@@ -160,6 +160,11 @@ def recorded_frames(described: Mapping[str, Any]) -> list[int]:
     return [t for t in range(described["frames"]) if t not in lost]
 
 
+def measured(described: Mapping[str, Any]) -> bool:
+    """Whether lengths are in metres: of a video nothing may tell its scale."""
+    return not described.get("film", {}).get("unit", "").startswith("relative")
+
+
 def _described(row: InstanceSummary, recorded: Sequence[int]) -> dict[str, Any]:
     """Plain values; the instance id goes by the key that recipes use, frames by their recorded numbers."""
     facts = asdict(row) | {

@@ -44,14 +44,39 @@ class Grain:
         over = (drawn != before).any(-1)
         if not (over | painted).any():
             return drawn
-        share = over.astype(np.float32)
-        front = share[..., None] * drawn
-        if self.blur > 0:
-            front, share = (cv2.GaussianBlur(one, (0, 0), self.blur) for one in (front, share))
+        front, share = _softened(drawn, over, self.blur)
         noisy = np.maximum(share, painted)[..., None]
         out = (1 - share[..., None]) * before + front + noisy * self.noise(recorded)
         made = np.clip(np.rint(out), 0, 255).astype(np.uint8)
         return np.where(noisy > 0.5 / 255, made, before)
+
+
+@dataclass(frozen=True)
+class FrameBlur:
+    """Of a camera that moves: each frame is as blurred as its own sharpest edges. Nothing tells its noise, or how far
+    motion drew out the others."""
+
+    def onto(
+        self, recorded: Image, before: Image, drawn: Image, painted: Bool[np.ndarray, "h w"]
+    ) -> Image:
+        """What was drawn over a picture, as sharp as the recorded frame. Other pixels stay bit for bit."""
+        over = (drawn != before).any(-1)
+        if not over.any():
+            return drawn
+        front, share = _softened(drawn, over, blur(recorded))
+        made = np.rint((1 - share[..., None]) * before + front).astype(np.uint8)
+        return np.where(share[..., None] > 0.5 / 255, made, before)
+
+
+def _softened(
+    drawn: Image, over: Bool[np.ndarray, "h w"], blur: float
+) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
+    """What is drawn over a picture and the share of each pixel that it covers, both blurred."""
+    share = over.astype(np.float32)
+    front = share[..., None] * drawn
+    if blur <= 0:
+        return front, share
+    return cv2.GaussianBlur(front, (0, 0), blur), cv2.GaussianBlur(share, (0, 0), blur)
 
 
 @of_episode

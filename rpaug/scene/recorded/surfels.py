@@ -47,6 +47,9 @@ from rpaug.scene.recorded.robot import PartColors
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 BLURRED = 0.006  # of the width of photographs: so far a thing shows beside its outline
+SHADED = (
+    3  # times that: so far other images show its contact shadow, or part of it, as what is around
+)
 BORDER = 0.25  # of an image's longer side: so far what it cuts off is continued
 LIFTED_BYTES = 64 << 20  # of images with footprints, kept for all cameras of one time
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
@@ -345,8 +348,8 @@ def _known(
     edits = carried(scene, t)
     edited = frozenset(instance_id for edit in edits for instance_id in edit.instance_ids)
     whole = list(_recordings(surfels, scene, own, t, edited, piece))
-    rim = _rim(scene)
-    yield from (_without(source, edited, rim) for source in whole) if edits else whole
+    rims = [_rim(scene), *[SHADED * _rim(scene)] * (len(whole) - 1)]
+    yield from map(_without, whole, [edited] * len(whole), rims) if edits else whole
     for edit in edits:
         for source in whole if edit.shows else ():
             use = among(source.ids, frozenset(edit.shows))

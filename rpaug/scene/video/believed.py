@@ -41,6 +41,16 @@ def doubts(found: InstanceMap, spans: Sequence[Span]) -> tuple[str, ...]:
     return (*none, *wrong)
 
 
+def apart(spans: Sequence[Span]) -> tuple[str, ...]:
+    """In which frames what is put in does not show, in a sentence; none where a video is one piece."""
+    if len(spans) < 2:
+        return ()
+    frames = "; ".join(f"{first} to {last}" for first, last in spans)
+    return (
+        f"what is put into one piece of the video (frames {frames}) does not show in the others",
+    )
+
+
 def told(found: InstanceMap, spans: Sequence[Span], eye: float) -> tuple[str, ...]:
     """What `rpaug inspect` says of the table beside the belief: pieces, doubts, other level surfaces. `eye` is the
     camera's height above its support."""

@@ -128,9 +128,13 @@ class VideoScene:
 
     @property
     def doubts(self) -> Mapping[str, tuple[str, ...]]:
-        """Where edits of a role leave out frames, or may paint what has it not, in sentences."""
-        table = believed.doubts(self.instances, self.spans)
-        return {"table": table, "background": (believed.BEHIND,)}
+        """Where edits of a role leave out frames, or may paint what has it not, in sentences; `things` are what is put
+        in."""
+        return {
+            "table": believed.doubts(self.instances, self.spans),
+            "background": (believed.BEHIND,),
+            "things": believed.apart(self.spans),
+        }
 
     @cached_property
     def eye(self) -> float:

@@ -40,6 +40,17 @@ def test_blur_is_told_by_the_sharpest_edges(blur: float) -> None:
     assert grain.blur(photographs(blur, 0)[0]) == pytest.approx(blur, abs=0.2)
 
 
+def test_what_is_put_into_a_blurred_frame_of_a_video_is_as_blurred() -> None:
+    soft = photographs(1.2, 0)[0]
+    before = np.full_like(soft, 40)
+    drawn = before.copy()
+    drawn[20:70, 30:60] = 200
+    made = grain.FrameBlur().onto(soft, before, drawn, np.zeros((SIZE, SIZE), bool))
+    assert grain.blur(made) == pytest.approx(1.2, abs=0.3)
+    np.testing.assert_array_equal(made[:10], before[:10])
+    np.testing.assert_array_equal(made[40:50, 40:50], drawn[40:50, 40:50])
+
+
 def test_a_picture_without_edges_has_no_blur() -> None:
     assert grain.blur(np.full((SIZE, SIZE, 3), 90, np.uint8)) == 0
 

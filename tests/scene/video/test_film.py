@@ -173,7 +173,7 @@ def test_light_falls_on_unregistered_frames_too(made: VideoScene) -> None:
 def test_what_unregistered_frames_go_without_is_said(made: VideoScene) -> None:
     """Frame 8 has no pose, so it keeps its table; its light and its noise need none."""
     draws = tuple(
-        Draw(0, recipe.option(name, {}), {})
+        Draw(0, recipe.option(name, {}), {"things": []})
         for name in ("light_color", "table_texture", "sensor_noise", "distractors")
     )
     scene = made.scene()
