@@ -348,7 +348,9 @@ def _known(
     edits = carried(scene, t)
     edited = frozenset(instance_id for edit in edits for instance_id in edit.instance_ids)
     whole = list(_recordings(surfels, scene, own, t, edited, piece))
-    rims = [_rim(scene), *[SHADED * _rim(scene)] * (len(whole) - 1)]
+    rim = _rim(scene)
+    others = SHADED * rim if _outlined(scene) else rim
+    rims = [rim, *[others] * (len(whole) - 1)]
     yield from map(_without, whole, [edited] * len(whole), rims) if edits else whole
     for edit in edits:
         for source in whole if edit.shows else ():
@@ -480,13 +482,14 @@ def _without(source: Source, instance_ids: frozenset[int], rim: int) -> Source:
 def _rim(scene: Scene) -> int:
     """Pixels by which a thing shows beside its outline: where images are anti-aliased those that it meets, and in
     photographs as far as an outline that was worked out is blurred."""
-    views = scene.episode.views.values()
-    inferred = scene.antialiased and all(view.inferred for view in views)
-    return (
-        round(BLURRED * max(view.camera.width for view in views))
-        if inferred
-        else int(scene.antialiased)
-    )
+    if not _outlined(scene):
+        return int(scene.antialiased)
+    return round(BLURRED * max(view.camera.width for view in scene.episode.views.values()))
+
+
+def _outlined(scene: Scene) -> bool:
+    """Whether outlines were worked out from photographs."""
+    return scene.antialiased and all(view.inferred for view in scene.episode.views.values())
 
 
 def _history(
