@@ -186,7 +186,7 @@ def white_part(color: Color, old: Color) -> Float32[Tensor, "n 1"]:
     """`albedo.highlight`, each color by an albedo of its own."""
     a, b, c = (old**2).sum(1), old.sum(1), 3.0
     determinant = a * c - b * b
-    told = determinant > 0.05 * a * c
+    told = determinant > albedo.HUELESS * a * c
     safe = torch.where(told, determinant, 1.0)
     part = a / safe * color.sum(1) - b / safe * (color * old).sum(1)
     part = torch.minimum(part, color.min(1).values)
@@ -197,7 +197,9 @@ def highlights(color: Color, hues: Float32[Tensor, "n k 3"]) -> Float32[Tensor, 
     """`albedo.highlights`, each color by hues of its own; NaN is no hue."""
     least = torch.full_like(color[:, :1], torch.inf)
     for k in range(hues.shape[1]):
-        part, explained = _lit(color, hues[:, k])
+        hue = hues[:, k]
+        gray = 1 - hue.sum(1) ** 2 / (3 * (hue**2).sum(1)).clamp(min=1e-9) <= albedo.HUELESS
+        part, explained = _lit(color, hue, torch.where(gray, albedo.GRAYISH, albedo.PLAIN))
         least = torch.where(explained[:, None], torch.minimum(least, part), least)
     return torch.where(torch.isfinite(least), least, 0.0)
 
@@ -215,13 +217,15 @@ def owners(color: Color, hues: Float32[Tensor, "n k 3"]) -> Int64[Tensor, "n"]:
     return torch.stack(costs, 1).argmin(1)
 
 
-def _lit(color: Color, hue: Color) -> tuple[Float32[Tensor, "n 1"], Bool[Tensor, "n"]]:
+def _lit(
+    color: Color, hue: Color, near: Any = albedo.PLAIN
+) -> tuple[Float32[Tensor, "n 1"], Bool[Tensor, "n"]]:
     """The white part of each pixel, were it of its hue, and whether hue and white part explain it."""
     part = white_part(color, hue)
     matte = color - part
     shade = (matte * hue).sum(1) / (hue**2).sum(1).clamp(min=1e-9)
     off = (matte - shade[:, None] * hue).norm(dim=1)
-    return part, (off < albedo.PLAIN) & ((part[:, 0] == 0) | (shade > albedo.MATTE))
+    return part, (off < near) & ((part[:, 0] == 0) | (shade > albedo.MATTE))
 
 
 def _table(rows: Sequence[Sequence[int]], device: torch.device) -> Int64[Tensor, "m k"]:

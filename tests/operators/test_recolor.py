@@ -138,10 +138,8 @@ def test_a_color_is_drawn_within_hue_saturation_and_value(
     given = {"hsv": [[low, high], [0.2, most], [0.5, 0.8]]}
     color = TypeAdapter(Color).validate_python(given)
     hue, saturation, value = colorsys.rgb_to_hsv(*color.draw(np.random.default_rng(seed)))
-    hue = 360 * hue
-    assert (
-        low - 1e-6 <= hue <= high + 1e-6 if low <= high else hue >= low - 1e-6 or hue <= high + 1e-6
-    )
+    span = high - low if high >= low else high - low + 360
+    assert (360 * hue - low + 1e-6) % 360 <= span + 2e-6
     assert 0.2 - 1e-9 <= saturation <= most + 1e-9
     assert 0.5 - 1e-9 <= value <= 0.8 + 1e-9
 

@@ -23,6 +23,8 @@ HIGHLIGHT = 0.05  # least whitish part of a plain surface's pixel that is taken 
 LIT = 0.98  # quantile of shading that counts as fully lit: a new color must not be clipped where the old was not
 PLAIN = 0.03  # color distance within which a pixel is explained by one albedo and its shading
 PLAIN_SHARE = 0.8
+GRAYISH = 0.06  # the same of a hue too near gray to tell a white part: nearer than a darker hue and much white
+HUELESS = 0.05  # squared sine of the angle between white and a hue below which nothing tells its white part
 PARTS, PART_SHARE = (
     8,
     0.97,
@@ -279,7 +281,7 @@ def highlight(
     white = np.ones(3, np.float32)
     a, b, c = float(old @ old), float(old @ white), 3.0
     determinant = a * c - b * b
-    if determinant <= 0.05 * a * c:
+    if determinant <= HUELESS * a * c:
         return np.zeros((len(color), 1), np.float32)
     return _white_part(color, old, np.float32(a / determinant), np.float32(b / determinant))
 
@@ -304,21 +306,22 @@ def highlights(
 ) -> Float32[np.ndarray, "n 1"]:
     """The same on a surface of several hues: the least white part by which one of them explains a pixel, 0 if none."""
     least = np.full((len(color), 1), np.inf, np.float32)
-    for hue in hues:
-        part, explained = _lit(color, np.array(hue, np.float32))
+    for hue in np.array(hues, np.float32):
+        gray = 1 - float(hue.sum()) ** 2 / max(3 * float(hue @ hue), 1e-9) <= HUELESS
+        part, explained = _lit(color, hue, GRAYISH if gray else PLAIN)
         least[explained] = np.minimum(least[explained], part[explained])
     return np.where(np.isfinite(least), least, 0).astype(np.float32)
 
 
 def _lit(
-    color: Float32[np.ndarray, "n 3"], hue: Float32[np.ndarray, "3"]
+    color: Float32[np.ndarray, "n 3"], hue: Float32[np.ndarray, "3"], near: float = PLAIN
 ) -> tuple[Float32[np.ndarray, "n 1"], Bool[np.ndarray, "n"]]:
-    """The white part of each pixel, were it of this hue, and whether hue and white part explain it."""
+    """The white part of each pixel, were it of this hue, and whether hue and white part explain it, `near` enough."""
     part = highlight(color, hue)
     matte = color - part
     shade = matte @ hue / max(float(hue @ hue), 1e-9)
     off = np.linalg.norm(matte - shade[:, None] * hue, axis=1)
-    return part, (off < PLAIN) & ((part[:, 0] == 0) | (shade > MATTE))
+    return part, (off < near) & ((part[:, 0] == 0) | (shade > MATTE))
 
 
 def _explained(

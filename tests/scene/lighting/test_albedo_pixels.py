@@ -16,3 +16,13 @@ def test_some_of_many_pixels_tell_what_all_do(monkeypatch: pytest.MonkeyPatch) -
     assert some.plain
     assert np.abs(np.array(some.rgb) - whole.rgb).max() < 2 / 255
     assert some.rgb == albedo.estimate(seen[::4]).rgb
+
+
+def test_a_pixel_near_a_grayish_hue_is_no_darker_hue_under_much_white() -> None:
+    """A beige pad in a brown rim came out with specks that kept their color."""
+    hues = [(0.56, 0.48, 0.38), (0.32, 0.13, 0.07)]
+    beige = np.array([hues[0], (0.60, 0.53, 0.46)], np.float32)
+    lit = np.array([hues[1]], np.float32) + np.float32(0.3)
+    assert not albedo.highlights(beige, hues).any()
+    assert albedo.highlights(lit, hues) == pytest.approx(0.3, abs=0.01)
+    assert albedo.highlights(beige, hues[1:])[1] > albedo.HIGHLIGHT
