@@ -56,16 +56,19 @@ def take(found: Meant, share: float | None, state: WishState, read: list[Token])
     ] or state.verb
     state.notes += found.notes
     kept = len(state.fresh)
+    chance: Entry = {} if share is None else {"probability": share}
     for k in found.replaces:
         state.fresh = [one for one in state.fresh if one is not state.edits[k]]
-        chance = {} if share is None else {"probability": share}
         state.edits[k] = {**found.edits[0], **chance}
     if share is not None and len(found.edits) > 1:
-        state.notes.append(
-            f"{said(read)!r}: each is drawn by itself, so copies have one, both or none"
-        )
+        if any("one_of" in edit for edit in found.edits):
+            state.notes.append(
+                f"{said(read)!r}: each is drawn by itself, so copies have one, both or none"
+            )
+        else:
+            chance["together"] = f"wish {len(state.edits) + 1}"
     for edit in () if found.replaces else found.edits:
-        edit = {**edit, "probability": share} if share is not None else edit
+        edit = {**edit, **chance}
         if not _merged(edit, state):
             _add(edit, state)
     state.last, state.latest = (

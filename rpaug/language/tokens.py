@@ -219,6 +219,8 @@ def _next(
     if much := values.amount(words, at):
         return much
     rest = list(words[at : at + 20])
+    shares = (k for k, word in enumerate(rest) if k and word == "in" and chance(words, at + k))
+    rest = rest[: next(shares, len(rest))]
     named = things.begins(rest, nouns)
     skipped = next((k for k, one in enumerate(rest) if one not in things.UNSAID), 0)
     size, fits = (0, []) if adds and named else values.texture(rest[skipped:])

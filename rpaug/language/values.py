@@ -29,7 +29,8 @@ NUMBERS: Mapping[str, float] = {
 }  # fmt: skip
 PARTS: Mapping[str, float] = {
     "half a": 0.5, "half an": 0.5, "a half": 0.5, "half": 0.5, "a third": 1 / 3, "a quarter": 0.25, "a fifth": 0.2,
-    "a tenth": 0.1, "two thirds": 2 / 3, "three quarters": 0.75,
+    "a tenth": 0.1, "one half": 0.5, "one third": 1 / 3, "one quarter": 0.25, "one fifth": 0.2, "one tenth": 0.1,
+    "two thirds": 2 / 3, "three quarters": 0.75,
 }  # fmt: skip
 SPOKEN = "|".join(map(re.escape, sorted({*NUMBERS, *PARTS}, key=len, reverse=True)))
 NUMBER = rf"(?:-?(?:\d+(?:\.\d+)?|\.\d+)|(?:{SPOKEN})(?![a-z]))"

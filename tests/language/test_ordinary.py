@@ -267,7 +267,14 @@ def test_a_share_holds_for_what_takes_an_edits_place() -> None:
     assert now["range"] != before.edits[0]["range"]
 
 
-def test_one_share_of_two_edits_says_how_they_are_drawn() -> None:
-    answer = said_after("remove the red can and the blue can in 25% of the copies", (), SETTING)
-    assert [one["probability"] for one in answer.edits] == [0.25, 0.25]
-    assert any("drawn by itself" in note for note in answer.notes)
+def test_one_share_of_two_edits_is_of_the_same_copies() -> None:
+    one, other = edits("remove the red can and the blue can in one quarter of the copies")
+    assert (one["probability"], other["probability"]) == (0.25, 0.25)
+    assert one["together"] == other["together"]
+
+
+@pytest.mark.parametrize("every", ["in all copies", "in all of the copies", "across all copies"])
+def test_all_copies_are_all_there_are(every: str) -> None:
+    (one,) = edits(f"make the red can bigger {every}")
+    assert one["op"] == "object_size"
+    assert "probability" not in one
