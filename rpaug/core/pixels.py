@@ -74,13 +74,13 @@ def smoothed(
     missing, and is brought up into the gaps again.
     """
     share = known.astype(np.float32)
-    levels = [(values * share[..., None], share)]
+    levels: list[tuple[np.ndarray, np.ndarray]] = [(values * share[..., None], share)]
     while (levels[-1][1] == 0).any():
-        coarser, share = (cv2.pyrDown(image) for image in levels[-1])
-        enough = np.minimum(ENOUGH * share, 1)
-        levels.append((coarser * (enough / np.maximum(share, 1e-6))[..., None], enough))
-    coarser, share = levels.pop()
-    out = coarser / np.maximum(share, 1e-6)[..., None]
-    for finer, share in reversed(levels):
-        out = finer + (1 - share)[..., None] * cv2.pyrUp(out, dstsize=share.shape[::-1])
+        colors, weight = cv2.pyrDown(levels[-1][0]), cv2.pyrDown(levels[-1][1])
+        enough = np.minimum(ENOUGH * weight, 1)
+        levels.append((colors * (enough / np.maximum(weight, 1e-6))[..., None], enough))
+    coarsest, weight = levels.pop()
+    out = coarsest / np.maximum(weight, 1e-6)[..., None]
+    for colors, weight in reversed(levels):
+        out = colors + (1 - weight)[..., None] * cv2.pyrUp(out, dstsize=weight.shape[::-1])
     return out

@@ -5,11 +5,21 @@ from collections.abc import Collection
 
 from rpaug.core import color_space
 from rpaug.core.errors import RpaugError
-from rpaug.language import gathering, lights, looks, placing, templates, tokens, viewing, weighed
+from rpaug.language import (
+    gathering,
+    lights,
+    looks,
+    placing,
+    templates,
+    tokens,
+    values,
+    viewing,
+    weighed,
+)
 from rpaug.language.gathering import WishState
 from rpaug.language.lexicon import group
 from rpaug.language.messages import Entry, Meant, NotUnderstood, Wish
-from rpaug.language.things import Namer
+from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Clause, Token, said
 
 VERBS = group("reader_acts") | {"do", "warm", "cool"}
@@ -170,7 +180,37 @@ def _meant(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant
     for more in before:
         with contextlib.suppress(RpaugError):
             return _read([*more, *read], wish, state.namer)
+    if (look := _look(read, state.namer)) is not None:
+        return _read(look, wish, state.namer)
     raise why
+
+
+def _look(read: list[Token], namer: Namer) -> list[Token] | None:
+    """A clause that is a color and a thing alone, "black dresser", as what that thing shall be: none of that kind has
+    the color now."""
+    if len(read) != 1 or read[0].kind != "thing" or namer.recording is None:
+        return None
+    words = read[0].text.split()
+    colored = values.color(words, 0)
+    if colored is None or colored[0] == len(words) or _there(" ".join(words), namer):
+        return None
+    rest = " ".join(words[colored[0] :])
+    if not _there(rest, namer):
+        return None
+    color = Token("color", " ".join(words[: colored[0]]), colored[1])
+    return [color, Token("thing", rest, Named(rest))]
+
+
+def _there(words: str, namer: Namer) -> bool:
+    """Whether the recording shows what is so called, and not only something like it."""
+    told = len(namer.notes)
+    try:
+        namer.ids(namer.target(Named(words)))
+    except RpaugError:
+        return False
+    taken = len(namer.notes) > told
+    del namer.notes[told:]
+    return not taken
 
 
 def _trailing(

@@ -42,7 +42,10 @@ SPOTS = 4  # places looked at of one thing
 ALIKE = 0.25  # of the things to choose from: those whose proportions are nearest to the target's
 
 
-NEAR = {"path": 1 / 6, "target": 1 / 6}  # shares of things, where a recording shows both
+NEAR: dict[Literal["path", "target"], float] = {
+    "path": 1 / 6,
+    "target": 1 / 6,
+}  # shares of things, where a recording shows both
 
 
 def _shares(value: dict[str, float]) -> dict[str, float]:
@@ -87,7 +90,7 @@ class Distractors(Operator):
     category: str | None = None
     color: str | None = None
     size: Sizes | None = (0.04, 0.16)  # metres of the longest side
-    near: Literal["path", "target", "anywhere"] | Shares = field(default_factory=NEAR.copy)
+    near: Literal["path", "target", "anywhere"] | Shares = field(default_factory=lambda: {**NEAR})
     within: Annotated[float, Field(ge=0.05, le=1)] = 0.15  # metres
     workspace: zones.Box | None = None
     cameras: tuple[str, ...] | None = None

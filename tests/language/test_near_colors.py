@@ -8,8 +8,10 @@ from analysed import analysed
 from boxes import HAND, OTHER, Box, at
 
 from rpaug.core.errors import TargetError
+from rpaug.language import reader
 from rpaug.language.recording import Recording
 from rpaug.language.things import Named, Namer
+from rpaug.language.tokens import Token
 
 GRAY, BLUE = (128, 128, 128), (0, 0, 200)
 
@@ -66,3 +68,22 @@ def test_two_names_for_one_patterned_thing_are_refused(two: Recording) -> None:
     assert namer.target(Named("striped block")) == {"handle": [50]}
     with pytest.raises(TargetError, match="'striped block' and 'patterned block'"):
         namer.target(Named("patterned block"))
+
+
+@pytest.mark.parametrize(
+    ("there", "words", "read"),
+    [
+        ([BLUE], "purple block", ["purple", "block"]),
+        ([BLUE], "blue block", None),
+        ([BLUE, GRAY], "purple block", None),
+        ([BLUE], "red kettle", None),
+    ],
+)
+def test_a_color_and_a_thing_alone_are_what_it_shall_be(
+    there: list[tuple[int, int, int]], words: str, read: list[str] | None
+) -> None:
+    """Where that is one thing, which has another color now."""
+    namer = Namer(recording(*there), None)
+    found = reader._look([Token("thing", words, Named(words))], namer)
+    assert (found and [one.text for one in found]) == read
+    assert namer.notes == []
