@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 
 from rpaug.core import registry
 from rpaug.language import values
@@ -66,7 +67,8 @@ def take(found: Meant, share: float | None, state: WishState, read: list[Token])
                 f"{said(read)!r}: each is drawn by itself, so copies have one, both or none"
             )
         else:
-            chance["together"] = f"wish {len(state.edits) + 1}"
+            used = {edit.get("together") for edit in state.edits}
+            chance["together"] = next(f"wish {n}" for n in count(1) if f"wish {n}" not in used)
     for edit in () if found.replaces else found.edits:
         edit = {**edit, **chance}
         if not _merged(edit, state):
