@@ -138,7 +138,8 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         (
             k
             for k, one in enumerate(wish.edits)
-            if one.get("op") == "light_color" and one.keys() & {"range", "temperature"}
+            if one.get("op") == "light_color"
+            and one.keys() & {"range", "temperature", "brightness"}
         ),
         None,
     )
@@ -187,6 +188,9 @@ def _lit(low: list[float], high: list[float]) -> Meant:
         raise NotUnderstood(
             f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}"
         )
+    if len({*low}) == len({*high}) == 1:  # of `range` each channel is drawn by itself
+        times = [tidy(one / RECORDED) for one in (low[0], high[0])]
+        return Meant(edits=({"op": "light_color", "brightness": times},), mention=LIGHT)
     return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT)
 
 
@@ -197,12 +201,14 @@ def _relative(
     step = 1.15 if mild else 1.35
     level = 1 / step if less else step if more else 1.0
     note = "compared with the light that was asked for before"
-    if "temperature" in edit:
+    if "range" not in edit:
         tint = 0.85 if warm else 1.18 if cool else 1.0
-        new: Entry = {
-            "temperature": [tidy(tint * one) for one in edit["temperature"]],
-            "brightness": [tidy(level * one) for one in edit.get("brightness", (1.0, 1.0))],
-        }
+        most = 1 / RECORDED
+        brightness = [tidy(min(most, level * one)) for one in edit.get("brightness", (1.0, 1.0))]
+        new: Entry = {"brightness": brightness}
+        if "temperature" in edit or tint != 1:
+            given = edit.get("temperature", (NEUTRAL, NEUTRAL))
+            new["temperature"] = [tidy(tint * one) for one in given]
     else:
         tone = (1.06, 1.0, 0.85) if warm else (0.9, 1.0, 1.06) if cool else (1.0, 1.0, 1.0)
         new = {

@@ -32,7 +32,7 @@ VALUES = ("color", "texture", "share", "length", "angle", "number", "remove")
 SPEAKERS = frozenset({"i", "we", "this", "our", "my", "it", "that", "there"})
 LISTED = ("vary", "remove")
 STOP = Token("stop", ";")
-HARD: Entry = {"op": "light_color", "range": [[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]}
+HARD: Entry = {"op": "light_color", "brightness": [0.4, 0.8]}
 
 
 def undoes(read: Sequence[Token]) -> bool:

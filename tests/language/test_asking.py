@@ -116,6 +116,6 @@ def test_it_says_how_each_part_was_read():
     asked = asking.ask("paint the cup red or blue, dim the light", WishContext())
     assert asked.read == (
         "'paint the cup red or blue' as one of 2: recolor target cup color red, ...",
-        "'dim the light' as light_color range [[0.3, 0.3, 0.3], [0.3, 0.3, 0.3]]",
+        "'dim the light' as light_color brightness [0.6, 0.6]",
     )
     assert f"# read: {asked.read[0]}\n" in asked.yaml

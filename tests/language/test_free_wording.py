@@ -121,7 +121,7 @@ OAK = {"sample": "wood"}
             [
                 {
                     "one_of": [
-                        {"op": "light_color", "range": [[v] * 3, [v] * 3], "weight": w}
+                        {"op": "light_color", "brightness": [2 * v, 2 * v], "weight": w}
                         for v, w in ((0.175, 0.3), (0.95, 0.7))
                     ]
                 }
@@ -184,7 +184,7 @@ def test_what_would_be_another_thing_is_refused(wish: str) -> None:
 
 def test_a_number_of_lamps_is_no_brightness() -> None:
     (edit,) = edits("night, with one lamp")
-    assert edit == {"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}
+    assert edit == {"op": "light_color", "brightness": [0.6, 0.6]}
 
 
 def test_hues_are_left_out_with_what_goes_by_their_names() -> None:
@@ -240,4 +240,4 @@ def test_what_was_said_before_is_gone_on_with(
     before: str, wish: str, wanted: list[dict[str, Any]]
 ) -> None:
     found = said_after(wish, (before,), SETTING).edits
-    assert [{k: v for k, v in one.items() if k != "range"} for one in found] == wanted
+    assert [{k: v for k, v in one.items() if k != "brightness"} for one in found] == wanted

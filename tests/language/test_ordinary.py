@@ -65,7 +65,7 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "the can red, 30%",
             [{"op": "recolor", "target": "can", "color": "red", "probability": 0.3}],
         ),
-        ("darker. like 40% of the light", [{"op": "light_color", "range": [[0.2] * 3, [0.2] * 3]}]),
+        ("darker. like 40% of the light", [{"op": "light_color", "brightness": [0.4, 0.4]}]),
         (
             "red can bigger, blue can smaller",
             [
@@ -77,7 +77,7 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "turn the front camera 10 degrees to the left and 5 cm up",
             [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
         ),
-        ("strong light", [{"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}]),
+        ("strong light", [{"op": "light_color", "brightness": [1.6, 1.6]}]),
         ("white can: make it 20% larger", [{"op": "object_size", "target": "white can", "range": [1.2, 1.2]}]),
         ("make it a blue can", [{"op": "recolor", "target": "can", "color": "blue"}]),
         ("remove the can and the tile", [{"op": "remove", "target": "can"}, {"op": "remove", "target": "tile"}]),
@@ -92,11 +92,11 @@ def edits(wish: str) -> list[dict[str, Any]]:
         ),
         (
             "dim the light, otherwise the policy learns the lamp. And the red can blue",
-            [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}, BLUE],
+            [{"op": "light_color", "brightness": [0.6, 0.6]}, BLUE],
         ),
         (
             "strong light from above",
-            [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "range": [[0.8] * 3, [0.8] * 3]}],
+            [{"op": "light_direction", "to": [0, 0, 1]}, {"op": "light_color", "brightness": [1.6, 1.6]}],
         ),
         (
             "the can red, green, blue",
@@ -112,8 +112,8 @@ def edits(wish: str) -> list[dict[str, Any]]:
             [{"op": "camera_pose", "camera": ["front"], "shift": 0.01, "turn": 0}],
         ),
         ("front: up to 1 cm jitter", [{"op": "camera_pose", "camera": "front", "shift": 0.01, "turn": 0}]),
-        ("light brighter or darker by 30%", [{"op": "light_color", "range": [[0.35] * 3, [0.65] * 3]}]),
-        ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "range": [[0.35] * 3, [0.4] * 3]}]),
+        ("light brighter or darker by 30%", [{"op": "light_color", "brightness": [0.7, 1.3]}]),
+        ("the light a bit weaker, like 20-30 % less", [{"op": "light_color", "brightness": [0.7, 0.8]}]),
         ("light from other sides", [{"op": "light_direction"}]),
         ("more variety in lighting", [{"op": "light_color"}]),
         ("different lighting conditions", [{"op": "light_color"}]),
@@ -127,13 +127,13 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "jitter camera positions by 3cm/5deg",
             [{"op": "camera_pose", "camera": "static", "shift": 0.03, "turn": 0.0873}],
         ),
-        ("make it brighter by 20 to 40 %", [{"op": "light_color", "range": [[0.6] * 3, [0.7] * 3]}]),
-        ("dimmer, about 60% of now", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3]}]),
+        ("make it brighter by 20 to 40 %", [{"op": "light_color", "brightness": [1.2, 1.4]}]),
+        ("dimmer, about 60% of now", [{"op": "light_color", "brightness": [0.6, 0.6]}]),
         ("make the can bigger by 10 to 20 %", [{"op": "object_size", "target": "can", "range": [1.1, 1.2]}]),
         ("each copy another table", [{"op": "table_color"}]),
         ("vary the table and the lights but not the cameras", [{"op": "table_color"}, {"op": "light_color"}]),
         ("paint that red can blue", [BLUE]),
-        ("dim the light in 20%", [{"op": "light_color", "range": [[0.3] * 3, [0.3] * 3], "probability": 0.2}]),
+        ("dim the light in 20%", [{"op": "light_color", "brightness": [0.6, 0.6], "probability": 0.2}]),
         ("sim2real pack: the can blue", [{**BLUE, "target": "can"}]),
     ],
 )  # fmt: skip
@@ -278,3 +278,24 @@ def test_all_copies_are_all_there_are(every: str) -> None:
     (one,) = edits(f"make the red can bigger {every}")
     assert one["op"] == "object_size"
     assert "probability" not in one
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "vary the brightness from 60 to 140 percent",
+        "brightness between 60% and 140%",
+        "the overall brightness should vary between 60 and 140 percent from copy to copy",
+    ],
+)
+def test_brightness_alone_is_the_lights_and_tints_nothing(wish: str) -> None:
+    """It was read as the value of a color; and of `range` each channel is drawn by itself."""
+    assert edits(wish) == [{"op": "light_color", "brightness": [0.6, 1.4]}]
+
+
+def test_what_was_dimmed_gets_warmer_and_stays_as_dim() -> None:
+    dim = edits("dim the lights by 40%")
+    (warm,) = said_after("warmer", ("dim the lights by 40%",), SETTING).edits
+    assert dim == [{"op": "light_color", "brightness": [0.6, 0.6]}]
+    assert warm["brightness"] == [0.6, 0.6]
+    assert warm["temperature"][0] == warm["temperature"][1] < 6500

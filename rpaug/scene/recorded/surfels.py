@@ -47,9 +47,7 @@ from rpaug.scene.recorded.robot import PartColors
 HISTORY_FRAMES = 6  # frames of a moving camera kept for what they show of static bodies
 SAME_PLACE = 0.01  # metres: what another camera saw this close to what the own one shows of a body is the same
 BLURRED = 0.006  # of the width of photographs: so far a thing shows beside its outline
-SHADED = (
-    3  # times that: so far other images show its contact shadow, or part of it, as what is around
-)
+SHADED = 3  # times that: so far other images may show its contact shadow
 BORDER = 0.25  # of an image's longer side: so far what it cuts off is continued
 LIFTED_BYTES = 64 << 20  # of images with footprints, kept for all cameras of one time
 NOISES = 3.0  # standard deviations of depth noise within which two depths are one surface
