@@ -103,7 +103,7 @@ def _again(clause: Clause) -> None:
     words = new.value.words.split()
     size, fits = values.texture(words)
     color = values.color(words, 0)
-    if max(size, color[0] if color else 0) != len(words) - 1:
+    if len(words) == 1 or max(size, color[0] if color else 0) != len(words) - 1:
         return
     look = (
         Token("texture", new.text, fits)

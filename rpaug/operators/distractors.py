@@ -106,7 +106,7 @@ class Distractors(Operator):
         "clutter up, mess up, distract, distractors, distractor, clutter, distractor objects, "
         "other objects, random objects, random things, distracting objects, small objects, "
         "objects not needed, unneeded objects, unneeded things, irrelevant objects, "
-        "more clutter, other stuff, side objects, objects not needed for the task, "
+        "more clutter, more objects, more things, other stuff, side objects, objects not needed for the task, "
         "things not needed for the task, stuff not needed for the task, "
         "what is not needed for the task, unrelated objects, random items, random stuff, "
         "random clutter, junk, extra objects, extra things, household things, small things, "

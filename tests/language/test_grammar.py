@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import known
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rpaug.core import registry
@@ -161,6 +161,7 @@ def test_a_camera_before_a_list_that_breaks_off(wish: str) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(WORDS, max_size=12))
+@example(["drawer", "by", "drawer"])
 def test_whatever_is_said_is_refused_or_valid(words: list[str]) -> None:
     try:
         answer = said_after(" ".join(words), (), WishContext(cameras=("front",)))
