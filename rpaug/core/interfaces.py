@@ -78,7 +78,8 @@ class Operator(metaclass=Validated):
     by what they ask for, parted by commas, which rpaug's own operators bring to its grammar.
     `undone_as` are words by which a wish takes it back, beside its name. Two edits that `settle` the same ("size") of
     one thing cannot both hold: the later takes the earlier's place. An edit made `everywhere` asks for no place in an
-    image. Registering it under the entry-point group `rpaug.operators` makes its entry-point name an `op:` in recipes.
+    image; one that `puts` things puts them where none were. Registering it under the entry-point group
+    `rpaug.operators` makes its entry-point name an `op:` in recipes.
     `rpaug.OperatorContract` holds it to the promises below.
     """
 
@@ -91,6 +92,7 @@ class Operator(metaclass=Validated):
     examples: ClassVar[Examples] = ()
     undone_as: ClassVar[tuple[str, ...]] = ()
     settles: ClassVar[str] = ""
+    puts: ClassVar[bool] = False
     everywhere: ClassVar[bool] = False
 
     def ready(self) -> None:  # most need nothing but the scene

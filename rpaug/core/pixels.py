@@ -1,4 +1,4 @@
-"""Masks of pixels: widened, and what lies outside of one taken from its nearest pixel."""
+"""Masks of pixels: widened, and what lies outside of one taken from its nearest pixel, or smoothly from all around."""
 
 from typing import Literal
 
@@ -71,8 +71,10 @@ def smoothed(
     """Every unknown pixel with a smooth continuation of the known ones, which stay; at least one must be known.
 
     Push-pull (Gortler et al., SIGGRAPH 1996, section 4.2): what is known is averaged down a pyramid until nothing is
-    missing, and is brought up into the gaps again.
+    missing, and is brought up into the gaps again. Raises ValueError where nothing is known.
     """
+    if not known.any():
+        raise ValueError("no pixel is known")
     share = known.astype(np.float32)
     levels: list[tuple[np.ndarray, np.ndarray]] = [(values * share[..., None], share)]
     while (levels[-1][1] == 0).any():

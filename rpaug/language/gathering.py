@@ -148,6 +148,11 @@ def drawn(edits: list[Entry]) -> Iterator[Entry]:
         if len(alike) < 2 or "probability" not in edit:
             yield edit
         elif edit is alike[0]:
+            if any("together" in one for one in alike):
+                why = (
+                    "it is of the same copies as another, and cannot have a second share of its own"
+                )
+                raise NotUnderstood(f"{short(edit)}: {why}; say it in two wishes")
             whole = values.tidy(sum(one["probability"] for one in alike))
             if whole > 1:
                 raise NotUnderstood(f"shares of {whole:g} in all: {short(edit)}")

@@ -95,6 +95,7 @@ def light(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
         if found.replaces:
             return found
         edits += found.edits
+        notes += found.notes
     clause.every("vary", "any", "from")
     return Meant(edits=tuple(edits), mention=LIGHT, notes=tuple(notes))
 
@@ -170,6 +171,8 @@ def _level(clause: Clause, wish: Wish) -> Meant:
         and any(word in one.text for one in warm for word in ("evening", "sunset", "afternoon"))
     ):
         low = high = EVENING
+    if not (color or warm or cool):
+        return _bright(low, high)
     return _lit([tidy(v * low) for v in ends[0]], [tidy(v * high) for v in ends[-1]])
 
 
@@ -188,10 +191,20 @@ def _lit(low: list[float], high: list[float]) -> Meant:
         raise NotUnderstood(
             f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}"
         )
-    if len({*low}) == len({*high}) == 1:  # of `range` each channel is drawn by itself
-        times = [tidy(one / RECORDED) for one in (low[0], high[0])]
-        return Meant(edits=({"op": "light_color", "brightness": times},), mention=LIGHT)
-    return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT)
+    notes = (
+        () if low == high else ("each channel of the light is drawn by itself, so its tint varies",)
+    )
+    return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT, notes=notes)
+
+
+def _bright(low: float, high: float) -> Meant:
+    """All channels alike: of a `range` each would be drawn by itself."""
+    if high > 1 / RECORDED or high <= 0:
+        raise NotUnderstood(
+            f"lamps can be from 0 to 2 times as bright as recorded, not {tidy(high):g}"
+        )
+    edit: Entry = {"op": "light_color", "brightness": [tidy(low), tidy(high)]}
+    return Meant(edits=(edit,), mention=LIGHT)
 
 
 def _relative(
@@ -203,9 +216,10 @@ def _relative(
     note = "compared with the light that was asked for before"
     if "range" not in edit:
         tint = 0.85 if warm else 1.18 if cool else 1.0
-        most = 1 / RECORDED
-        brightness = [tidy(min(most, level * one)) for one in edit.get("brightness", (1.0, 1.0))]
-        new: Entry = {"brightness": brightness}
+        before = edit.get("brightness", (1.0, 1.0))
+        new: Entry = {
+            "brightness": [tidy(min(max(one, 1 / RECORDED), level * one)) for one in before]
+        }
         if "temperature" in edit or tint != 1:
             given = edit.get("temperature", (NEUTRAL, NEUTRAL))
             new["temperature"] = [tidy(tint * one) for one in given]

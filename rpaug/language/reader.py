@@ -95,6 +95,7 @@ def read(
             other := _gone_on(bare, state)
             or _instead(bare, state, nouns)
             or _alternatives(bare, state)
+            or _look(bare, state)
         ) is not None:
             found = other
         else:
@@ -180,37 +181,24 @@ def _meant(read: list[Token], state: WishState, nouns: Collection[str]) -> Meant
     for more in before:
         with contextlib.suppress(RpaugError):
             return _read([*more, *read], wish, state.namer)
-    if (look := _look(read, state.namer)) is not None:
-        return _read(look, wish, state.namer)
     raise why
 
 
-def _look(read: list[Token], namer: Namer) -> list[Token] | None:
+def _look(read: list[Token], state: WishState) -> Meant | None:
     """A clause that is a color and a thing alone, "black dresser", as what that thing shall be: none of that kind has
-    the color now."""
-    if len(read) != 1 or read[0].kind != "thing" or namer.recording is None:
+    the color now, and no verb of the clause before goes on."""
+    namer = state.namer
+    if len(read) != 1 or read[0].kind != "thing" or namer.recording is None or state.verb:
         return None
     words = read[0].text.split()
     colored = values.color(words, 0)
-    if colored is None or colored[0] == len(words) or _there(" ".join(words), namer):
+    if colored is None or colored[0] == len(words) or namer.there(Named(" ".join(words))):
         return None
-    rest = " ".join(words[colored[0] :])
-    if not _there(rest, namer):
+    rest = Named(" ".join(words[colored[0] :]))
+    if not namer.there(rest):
         return None
     color = Token("color", " ".join(words[: colored[0]]), colored[1])
-    return [color, Token("thing", rest, Named(rest))]
-
-
-def _there(words: str, namer: Namer) -> bool:
-    """Whether the recording shows what is so called, and not only something like it."""
-    told = len(namer.notes)
-    try:
-        namer.ids(namer.target(Named(words)))
-    except RpaugError:
-        return False
-    taken = len(namer.notes) > told
-    del namer.notes[told:]
-    return not taken
+    return _read([color, Token("thing", rest.words, rest)], state.here(), namer)
 
 
 def _trailing(

@@ -197,7 +197,18 @@ def tokens(words: Sequence[str], cameras: Sequence[str], nouns: Collection[str])
             out.append(Token("all", "all"))
         out.append(Token(kind, " ".join(words[at : at + size]), value))
         at += size
-    return out
+    if any(one.kind == "thing" for one in out):
+        return out
+    return [part for one in out for part in _of_light(one)]
+
+
+def _of_light(token: Token) -> list[Token]:
+    """A token, or where it is a brightness that no thing has, the light and its amount."""
+    words = token.text.split()
+    much = values.amount(words, 1) if token.kind == "color" and words[0] == "brightness" else None
+    if much is None or much[0] != len(words) - 1:
+        return [token]
+    return [Token("light", words[0]), Token(much[1], " ".join(words[1:]), much[2])]
 
 
 def _next(

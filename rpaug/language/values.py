@@ -295,10 +295,7 @@ def _channels(words: Sequence[str], at: int) -> tuple[int, list[Any]] | None:
             )
         k += 1 + (found[0] if found else 0)
         last = k if found or words[k - 1] == ")" else last
-    named = CHANNELS.keys() & set(words[at:last])
-    return (
-        (last - at, [{"hsv": ends}]) if named - {"brightness"} else None
-    )  # alone it is the light's
+    return (last - at, [{"hsv": ends}]) if CHANNELS.keys() & set(words[at:last]) else None
 
 
 def _named(words: Sequence[str], at: int) -> tuple[int, Any] | None:

@@ -79,10 +79,11 @@ class Distractors(Operator):
     painted and scaled as `insert` does.
 
     `near` gives the shares of them that stand `within` so many metres of the gripper's low path and of the target, what
-    the robot handles; the others stand farther from both. A word means all of them, `anywhere` any free place. They
-    stand in the `workspace`, by default around all that the gripper reached. At least one of the policy's `cameras`
-    shows them, and none sees the target partly hidden by them in more than a share `hides` of the frames. With `like`
-    they have the target's color or its proportions. So many stand together as `groups` says.
+    the robot handles; the others stand farther from both. By default none is asked to stand by what is not recorded. A
+    word means all of them, `anywhere` any free place. They stand in the `workspace`, by default around all that the
+    gripper reached. At least one of the policy's `cameras` shows them, and none sees the target partly hidden by them
+    in more than a share `hides` of the frames. With `like` they have the target's color or its proportions. So many
+    stand together as `groups` says.
     """
 
     count: Annotated[int, Field(ge=1, le=30)] = 2
@@ -101,6 +102,7 @@ class Distractors(Operator):
     harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     asked_as: ClassVar[Mapping[str, str]] = {
         "strangers": "everything not needed, everything not needed for the task, stuff not needed, "
         "clutter up, mess up, distract, distractors, distractor, clutter, distractor objects, "
@@ -169,6 +171,8 @@ class Distractors(Operator):
             raise TargetError("nothing was seen to be the target, so nothing can be like it")
         room = find_free_space(scene)
         found = zones.find(scene, room, self.within, self.workspace)
+        path = zones.low_path(scene, room.level)
+        shown = {"path": len(path) > 0, "target": len(zones.target_places(scene)) > 0}
         views = policy_views.find(scene.episode, target, self.cameras)
         fresh = instance_ids.free(scene, self.count)
         things: list[Edit] = []
@@ -180,7 +184,7 @@ class Distractors(Operator):
         start = float(rng.random())
         for number in range(self.count):
             if number % self.groups == 0:
-                wanted, group = self._wanted((start + number / self.count) % 1, found), None
+                wanted, group = self._wanted((start + number / self.count) % 1, shown), None
             asked[wanted] += 1
             alike = self._alike(scene, target, offered, rng)
             order = itertools.product(self._order(wanted, group), _fewest_first(alike, stand))
@@ -202,14 +206,14 @@ class Distractors(Operator):
             things.append({"handle": fresh[number], **one})
         return {"things": things, "asked": dict(asked), "elsewhere": dict(elsewhere)}
 
-    def _wanted(self, chance: float, found: zones.Zones) -> str:
-        """The zone that the next things shall stand in, by a chance in 0..1. By default none is asked for that the
-        recording does not show: a video has no gripper."""
+    def _wanted(self, chance: float, shown: Mapping[str, bool]) -> str:
+        """The zone that the next things shall stand in, by a chance in 0..1; `shown` says of path and target whether
+        the recording has one."""
         if isinstance(self.near, str):
             return self.near
         for zone, share in self.near.items():
             if chance < share:
-                return zone if self.near != NEAR or found[zone].any() else "beyond"
+                return zone if self.near != NEAR or shown[zone] else "beyond"
             chance -= share
         return "beyond"
 

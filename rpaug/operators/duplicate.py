@@ -31,6 +31,7 @@ class Duplicate(Operator):
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(targets=("target",))
     asked_as: ClassVar[Mapping[str, str]] = {
         "copy": "duplicate, clone, copy, replicate, double up, copies of, copy of, more of, "

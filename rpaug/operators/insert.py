@@ -68,6 +68,7 @@ class Insert(Operator):
     harmoniser: Harmoniser = "scene"
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(anchors=("near",))
     asked_as: ClassVar[Mapping[str, str]] = {
         "add": "add, insert, place, introduce, spawn, include, throw in, toss in, put in, "

@@ -38,6 +38,7 @@ class Move(Operator):
     within: Annotated[float, Field(gt=0, le=10)] = 0.15  # metres
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(targets=("target",), anchors=("near",))
     asked_as: ClassVar[Mapping[str, str]] = {
         "move": "move, moving, shift, push, pull, slide, displace, relocate, nudge, drag, transfer, "

@@ -91,6 +91,7 @@ class Physics(Operator):
     particles: Annotated[int, Field(ge=100, le=200_000)] = 6000
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(targets=("target",))
     asked_as: ClassVar[Mapping[str, str]] = {
         "physics": "behave, behaves, act, acts, treat, simulate, physics, physically",

@@ -30,6 +30,7 @@ class Spread(Operator):
     turn: Annotated[float, Field(ge=0, le=np.pi)] = 0.5  # radians, at most
 
     effect: ClassVar[Effect] = Effect.PIXELS | Effect.BODIES
+    puts: ClassVar[bool] = True
     needs: ClassVar[Needs] = Needs(targets=("targets",))
     asked_as: ClassVar[Mapping[str, str]] = {
         "spread": "rearrange, shuffle where, shuffle, mix up where, scatter, spread, reorder, "

@@ -197,9 +197,7 @@ def highlights(color: Color, hues: Float32[Tensor, "n k 3"]) -> Float32[Tensor, 
     """`albedo.highlights`, each color by hues of its own; NaN is no hue."""
     least = torch.full_like(color[:, :1], torch.inf)
     for k in range(hues.shape[1]):
-        hue = hues[:, k]
-        gray = 1 - hue.sum(1) ** 2 / (3 * (hue**2).sum(1)).clamp(min=1e-9) <= albedo.HUELESS
-        part, explained = _lit(color, hue, torch.where(gray, albedo.GRAYISH, albedo.PLAIN))
+        part, explained = _lit(color, hues[:, k])
         least = torch.where(explained[:, None], torch.minimum(least, part), least)
     return torch.where(torch.isfinite(least), least, 0.0)
 
@@ -211,16 +209,17 @@ def owners(color: Color, hues: Float32[Tensor, "n k 3"]) -> Int64[Tensor, "n"]:
         hue = hues[:, k]
         shade = (color * hue).sum(1, keepdim=True) / (hue**2).sum(1, keepdim=True).clamp(min=1e-9)
         off = (color - shade * hue).norm(dim=1)
-        _, explained = _lit(color, hue)
-        cost = torch.where(explained, off.clamp(max=albedo.PLAIN), off)
+        part, explained = _lit(color, hue)
+        near = off.clamp(max=albedo.PLAIN) + albedo.WHITER * part[:, 0]
+        cost = torch.where(explained, near, off)
         costs.append(torch.where(torch.isnan(cost), torch.inf, cost))
     return torch.stack(costs, 1).argmin(1)
 
 
-def _lit(
-    color: Color, hue: Color, near: Any = albedo.PLAIN
-) -> tuple[Float32[Tensor, "n 1"], Bool[Tensor, "n"]]:
+def _lit(color: Color, hue: Color) -> tuple[Float32[Tensor, "n 1"], Bool[Tensor, "n"]]:
     """The white part of each pixel, were it of its hue, and whether hue and white part explain it."""
+    gray = 1 - hue.sum(1) ** 2 / (3 * (hue**2).sum(1)).clamp(min=1e-9) <= albedo.HUELESS
+    near = torch.where(gray, albedo.GRAYISH, albedo.PLAIN)
     part = white_part(color, hue)
     matte = color - part
     shade = (matte * hue).sum(1) / (hue**2).sum(1).clamp(min=1e-9)

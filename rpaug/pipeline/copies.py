@@ -15,9 +15,9 @@ from rpaug import instruct
 from rpaug.compose import views
 from rpaug.core import devices, progress
 from rpaug.core.errors import Missing, TargetError, Unsupported
-from rpaug.core.interfaces import Added, Operator, Painted
+from rpaug.core.interfaces import Operator, Painted
 from rpaug.core.sampling import spans
-from rpaug.core.types import Effect, Episode, Scene
+from rpaug.core.types import Episode, Scene
 from rpaug.physics import verdict
 from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
@@ -73,13 +73,9 @@ class Draw:
         return frozenset().union(*anew)
 
     @property
-    def adds(self) -> bool:
-        """Whether it puts things in."""
-        if self.option is None or self.edit is None:
-            return False
-        operator = self.option.operator
-        changes = operator.says(self.edit) if Effect.BODIES in operator.effect else ()
-        return any(isinstance(one, Added) for one in changes)
+    def puts(self) -> bool:
+        """Whether it puts things where none were."""
+        return self.option is not None and self.edit is not None and self.option.operator.puts
 
     def after(self, earlier: Sequence["Draw"]) -> "Draw":
         """The same, with what it says of the draws before it."""
@@ -153,7 +149,7 @@ class Made:
         edits = [one.option for one in self.draws if one.edit is not None and one.option]
         placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
         named = [target.role for one in edits for target in planning.targets(one.operator)]
-        named += ["things"] * any(one.adds for one in self.draws)
+        named += ["things"] * any(one.puts for one in self.draws)
         known = getattr(self.scene.back, "doubts", {})
         doubts = tuple(doubt for role in dict.fromkeys(named) for doubt in known.get(role, ()))
         if not missing or not placed:

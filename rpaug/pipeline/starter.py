@@ -17,6 +17,7 @@ from rpaug.pipeline import recipe as recipes
 from rpaug.pipeline.plan import Plan
 from rpaug.pipeline.recipe import Recipe
 from rpaug.pipeline.recipe_yaml import parse
+from rpaug.scene.targets.agreement import APART
 from rpaug.scene.targets.targets import BY_WORDS
 
 CANDIDATES = (
@@ -157,16 +158,18 @@ def text(of: Tried, offers: Sequence[Offer], copies: int | None = None, asked: b
 
 
 def pointed_out(of: Tried) -> Iterator[tuple[str, str]]:
-    """Instances without a role that a person may mean, largest first: in words, and as a recipe's target.
+    """Instances without a role that a person may mean, largest first: in words, and as a recipe's target. What may be
+    robot, table or background is no thing.
 
     By their handle where that holds in all episodes, else by a color that nothing else has.
     """
     instances = of.described.get("instances", ())
-    doubted = {h for one in of.described.get("roles", {}).values() for h in one["handles"]}
+    known = of.described.get("roles", {})
+    around = {h for role in APART if role in known for h in known[role]["handles"]}
     colors = Counter(one["color_name"] for one in instances)
     for one in sorted(instances, key=lambda one: -sum(one["pixels"].values())):
         alone = colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
-        if not (one["role"] or one["handle"] in doubted) and (of.lasting or alone):
+        if not (one["role"] or one["handle"] in around) and (of.lasting or alone):
             handle, color = one["handle"], one["color_name"]
             target = f"{{handle: {handle}}}" if of.lasting else f"the {color} thing"
             yield f"instance {handle} ({color})", target

@@ -62,3 +62,8 @@ def test_smoothed_keeps_what_is_known_and_leaves_its_range_nowhere(shape, share,
     low, high = values[known].min(0), values[known].max(0)
     assert (out >= low - 1e-4).all()
     assert (out <= high + 1e-4).all()
+
+
+def test_of_nothing_nothing_is_continued():
+    with pytest.raises(ValueError, match="no pixel is known"):
+        pixels.smoothed(np.zeros((3, 4, 3), np.float32), np.zeros((3, 4), bool))

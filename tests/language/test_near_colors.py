@@ -1,6 +1,7 @@
 """A near color stands in only where nothing is of the one that was said, and for as many things as were meant."""
 
 from dataclasses import replace
+from typing import Any
 
 import boxes
 import pytest
@@ -9,6 +10,8 @@ from boxes import HAND, OTHER, Box, at
 
 from rpaug.core.errors import TargetError
 from rpaug.language import reader
+from rpaug.language.gathering import WishState
+from rpaug.language.messages import Wish, WishContext
 from rpaug.language.recording import Recording
 from rpaug.language.things import Named, Namer
 from rpaug.language.tokens import Token
@@ -70,20 +73,20 @@ def test_two_names_for_one_patterned_thing_are_refused(two: Recording) -> None:
         namer.target(Named("patterned block"))
 
 
-@pytest.mark.parametrize(
-    ("there", "words", "read"),
-    [
-        ([BLUE], "purple block", ["purple", "block"]),
-        ([BLUE], "blue block", None),
-        ([BLUE, GRAY], "purple block", None),
-        ([BLUE], "red kettle", None),
-    ],
-)
-def test_a_color_and_a_thing_alone_are_what_it_shall_be(
-    there: list[tuple[int, int, int]], words: str, read: list[str] | None
-) -> None:
-    """Where that is one thing, which has another color now."""
+def look(words: str, *there: tuple[int, int, int], verb: str = "") -> list[Any] | None:
     namer = Namer(recording(*there), None)
-    found = reader._look([Token("thing", words, Named(words))], namer)
-    assert (found and [one.text for one in found]) == read
+    wish = Wish(stated=words, setting=WishContext(cameras=("front",)))
+    state = WishState(wish, namer, [], None, False, verb=[Token(verb, verb)] if verb else [])
+    found = reader._look([Token("thing", words, Named(words))], state)
     assert namer.notes == []
+    return None if found is None else list(found.edits)
+
+
+def test_a_color_and_a_thing_alone_are_what_it_shall_be() -> None:
+    """Where that is one thing, which has another color now, and no verb goes on."""
+    painted = [{"op": "recolor", "target": "block", "color": "purple"}]
+    assert look("purple block", BLUE) == painted
+    assert look("blue block", BLUE) is None
+    assert look("purple block", BLUE, GRAY) is None
+    assert look("red kettle", BLUE) is None
+    assert look("purple block", BLUE, verb="remove") is None

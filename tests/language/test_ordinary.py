@@ -299,3 +299,31 @@ def test_what_was_dimmed_gets_warmer_and_stays_as_dim() -> None:
     assert dim == [{"op": "light_color", "brightness": [0.6, 0.6]}]
     assert warm["brightness"] == [0.6, 0.6]
     assert warm["temperature"][0] == warm["temperature"][1] < 6500
+
+
+def test_white_light_is_white_whatever_the_recorded_tint() -> None:
+    assert edits("make the lights white") == [
+        {"op": "light_color", "range": [[0.5] * 3, [0.5] * 3]}
+    ]
+
+
+def test_a_tinted_range_says_that_its_tint_varies() -> None:
+    answer = said_after("warm light, 20 to 40% dimmer", (), SETTING)
+    assert any("its tint varies" in note for note in answer.notes)
+
+
+def test_warmer_light_is_as_bright_as_it_was() -> None:
+    (edit,) = said_after("warmer", ("the light at 3000 K, 3 times as bright",), SETTING).edits
+    assert edit["brightness"] == [3, 3]
+
+
+def test_the_brightness_of_a_thing_is_its_colors() -> None:
+    (edit,) = edits("paint the red can with brightness 0.5 to 0.8")
+    assert edit["op"] == "recolor"
+    assert edit["color"]["hsv"][2] == [0.5, 0.8]
+
+
+def test_what_changes_together_takes_no_second_share() -> None:
+    both = "paint the red can and the blue can green in 30% of the copies"
+    with pytest.raises(NotUnderstood, match="same copies as another"):
+        edits(f"{both}. paint the red can yellow in 20% of the copies")

@@ -25,6 +25,7 @@ PLAIN = 0.03  # color distance within which a pixel is explained by one albedo a
 PLAIN_SHARE = 0.8
 GRAYISH = 0.06  # the same of a hue too near gray to tell a white part: nearer than a darker hue and much white
 HUELESS = 0.05  # squared sine of the angle between white and a hue below which nothing tells its white part
+WHITER = 1e-3  # what white parts weigh where hues explain a pixel alike
 PARTS, PART_SHARE = (
     8,
     0.97,
@@ -218,8 +219,9 @@ def owners(
     for hue in np.array(hues, np.float32):
         shade = color @ hue / max(float(hue @ hue), 1e-9)
         off = np.linalg.norm(color - shade[:, None] * hue, axis=1)
-        _, explained = _lit(color, hue)
-        costs.append(np.where(explained, np.minimum(off, PLAIN), off))
+        part, explained = _lit(color, hue)
+        # Of explanations as near the one with less white.
+        costs.append(np.where(explained, np.minimum(off, PLAIN) + WHITER * part[:, 0], off))
     return np.argmin(costs, 0)
 
 
@@ -307,16 +309,17 @@ def highlights(
     """The same on a surface of several hues: the least white part by which one of them explains a pixel, 0 if none."""
     least = np.full((len(color), 1), np.inf, np.float32)
     for hue in np.array(hues, np.float32):
-        gray = 1 - float(hue.sum()) ** 2 / max(3 * float(hue @ hue), 1e-9) <= HUELESS
-        part, explained = _lit(color, hue, GRAYISH if gray else PLAIN)
+        part, explained = _lit(color, hue)
         least[explained] = np.minimum(least[explained], part[explained])
     return np.where(np.isfinite(least), least, 0).astype(np.float32)
 
 
 def _lit(
-    color: Float32[np.ndarray, "n 3"], hue: Float32[np.ndarray, "3"], near: float = PLAIN
+    color: Float32[np.ndarray, "n 3"], hue: Float32[np.ndarray, "3"]
 ) -> tuple[Float32[np.ndarray, "n 1"], Bool[np.ndarray, "n"]]:
-    """The white part of each pixel, were it of this hue, and whether hue and white part explain it, `near` enough."""
+    """The white part of each pixel, were it of this hue, and whether hue and white part explain it."""
+    gray = 1 - float(hue.sum()) ** 2 / max(3 * float(hue @ hue), 1e-9) <= HUELESS
+    near = GRAYISH if gray else PLAIN
     part = highlight(color, hue)
     matte = color - part
     shade = matte @ hue / max(float(hue @ hue), 1e-9)

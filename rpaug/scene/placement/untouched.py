@@ -73,17 +73,18 @@ def check(scene: Scene, instance_ids: frozenset[int], target: object, doing: str
     """Raises Unsupported, with the reason, if the robot acts on one of the instance ids or others stand on it."""
     check_seen(scene, target, doing)
     for role in ACTED_ON:
-        if held := instance_ids & scene.roles.get(role, frozenset()):
+        if held := instance_ids & agreement.playing(scene, role):
             what = "is part of the robot" if role == "robot" else "is moved by the robot"
             raise Unsupported(
                 f"{doing} {target}: {_names(held)} {what}; the recorded actions would be untrue"
             )
     for role in CARRYING:
         if held := instance_ids & agreement.playing(scene, role):
+            sure = "is" if role in scene.roles else "may be"
             raise Unsupported(
-                f"{doing} {target}: {_names(held)} is the {role}, which carries the rest"
+                f"{doing} {target}: {_names(held)} {sure} the {role}, which carries the rest"
             )
-    acted = frozenset().union(*(scene.roles.get(role, frozenset()) for role in ACTED_ON))
+    acted = frozenset().union(*(agreement.playing(scene, role) for role in ACTED_ON))
     if held := _touched(scene, instance_ids, acted):
         raise Unsupported(
             f"{doing} {target}: {_names(held)} is touched by the robot or by what it moves; the recorded actions "

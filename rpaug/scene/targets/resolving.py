@@ -237,7 +237,7 @@ def _unseen(scene: Scene, role: str) -> str:
     if role in ("manipulated", "receiver") and "manipulated" not in scene.roles:
         views = scene.episode.views.values()
         unknown = next((v.proxy.unknown for v in views if v.proxy and v.proxy.unknown), None)
-        if unknown is None and scene.back is not None:
+        if unknown is None and getattr(scene.back, "hand", None) is not None:
             return "a video's hands and what they carry are one instance, and nothing tells what that is"
         return unknown or "nothing was seen to be moved by the robot"
     if role == "receiver":

@@ -26,3 +26,4 @@ def test_a_pixel_near_a_grayish_hue_is_no_darker_hue_under_much_white() -> None:
     assert not albedo.highlights(beige, hues).any()
     assert albedo.highlights(lit, hues) == pytest.approx(0.3, abs=0.01)
     assert albedo.highlights(beige, hues[1:])[1] > albedo.HIGHLIGHT
+    assert albedo.owners(np.concatenate([beige, lit]), hues).tolist() == [0, 0, 1]
