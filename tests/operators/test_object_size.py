@@ -143,7 +143,7 @@ def test_what_lies_under_another_things_top_does_not_come_out_there(monkeypatch)
         SimpleNamespace(instance_ids=frozenset({one}), to_world=np.tile(np.eye(4), (3, 1, 1)))
         for one in clouds
     ]
-    window = SimpleNamespace(tracked=bodies, roles={"manipulated": frozenset({2})})
+    window = SimpleNamespace(tracked=bodies, roles={"manipulated": frozenset({2})}, beliefs={})
     foot = np.array([-0.12, 0.0, 0.0])
     fits, what = growing.largest(window, frozenset({2}), foot, 1.3)
     assert what == "the sides of 1, in which it lies"
@@ -191,7 +191,7 @@ def test_a_drawer_takes_neither_its_cabinet_nor_the_next_drawer_along(monkeypatc
         SimpleNamespace(instance_ids=frozenset({one}), to_world=np.tile(np.eye(4), (3, 1, 1)))
         for one in clouds
     ]
-    cabinet = SimpleNamespace(tracked=bodies, roles={})
+    cabinet = SimpleNamespace(tracked=bodies, roles={}, beliefs={})
     assert growing.held(cabinet, frozenset({2})) == (frozenset({4}), {})
     assert growing.held(cabinet, frozenset({1})) == (frozenset({2, 3, 4}), {})
 
