@@ -187,24 +187,26 @@ def _unit(warm: list[Token], cool: list[Token]) -> tuple[float, ...]:
 
 
 def _lit(low: list[float], high: list[float]) -> Meant:
-    if max(high) > 1 or max(low) <= 0:
-        raise NotUnderstood(
-            f"lamps can be from 0 to 2 times as bright as recorded, not {2 * max(high):g}"
-        )
-    notes = (
-        () if low == high else ("each channel of the light is drawn by itself, so its tint varies",)
-    )
+    _see(2 * max(low), 2 * max(high))
+    told = "each channel of the light is drawn by itself, so its tint varies"
+    notes = () if low == high else (told,)
     return Meant(edits=({"op": "light_color", "range": [low, high]},), mention=LIGHT, notes=notes)
 
 
 def _bright(low: float, high: float) -> Meant:
     """All channels alike: of a `range` each would be drawn by itself."""
-    if high > 1 / RECORDED or high <= 0:
-        raise NotUnderstood(
-            f"lamps can be from 0 to 2 times as bright as recorded, not {tidy(high):g}"
-        )
+    _see(low, high)
     edit: Entry = {"op": "light_color", "brightness": [tidy(low), tidy(high)]}
     return Meant(edits=(edit,), mention=LIGHT)
+
+
+def _see(low: float, high: float) -> None:
+    """Raises NotUnderstood for times the recorded brightness that lamps cannot have."""
+    if low <= 0 or high > 1 / RECORDED:
+        wrong = low if low <= 0 else high
+        raise NotUnderstood(
+            f"lamps can be from above 0 to 2 times as bright as recorded, not {tidy(wrong):g}"
+        )
 
 
 def _relative(
@@ -253,6 +255,8 @@ def _factors(
     absolute = clause.absolute() or (how == "range" and high >= 1)
     if (less or more) and not absolute and high < 1:
         return (1 - high, 1 - low) if less else (1 + low, 1 + high)
+    if less and not more and low > 1:
+        raise NotUnderstood(f"{clause.text!r}: darker, and {tidy(low):g} times as bright?")
     return low, high
 
 

@@ -192,7 +192,7 @@ def _look(read: list[Token], state: WishState) -> Meant | None:
         return None
     words = read[0].text.split()
     colored = values.color(words, 0)
-    if colored is None or colored[0] == len(words) or namer.there(Named(" ".join(words))):
+    if colored is None or colored[0] == len(words) or namer.there(read[0].value):
         return None
     rest = Named(" ".join(words[colored[0] :]))
     if not namer.there(rest):

@@ -39,13 +39,9 @@ CLOSE = 0.02  # metres that things near the action, or of one group, keep from a
 GROUPED = 0.05  # metres between things of one group, at most
 TRIES = 12  # things and turns drawn for one place before giving up
 SPOTS = 4  # places looked at of one thing
+# Shares of things by the path and the target, where a recording shows them.
+NEAR: dict[Literal["path", "target"], float] = {"path": 1 / 6, "target": 1 / 6}
 ALIKE = 0.25  # of the things to choose from: those whose proportions are nearest to the target's
-
-
-NEAR: dict[Literal["path", "target"], float] = {
-    "path": 1 / 6,
-    "target": 1 / 6,
-}  # shares of things, where a recording shows both
 
 
 def _shares(value: dict[str, float]) -> dict[str, float]:
@@ -171,8 +167,6 @@ class Distractors(Operator):
             raise TargetError("nothing was seen to be the target, so nothing can be like it")
         room = find_free_space(scene)
         found = zones.find(scene, room, self.within, self.workspace)
-        path = zones.low_path(scene, room.level)
-        shown = {"path": len(path) > 0, "target": len(zones.target_places(scene)) > 0}
         views = policy_views.find(scene.episode, target, self.cameras)
         fresh = instance_ids.free(scene, self.count)
         things: list[Edit] = []
@@ -184,7 +178,7 @@ class Distractors(Operator):
         start = float(rng.random())
         for number in range(self.count):
             if number % self.groups == 0:
-                wanted, group = self._wanted((start + number / self.count) % 1, shown), None
+                wanted, group = self._wanted((start + number / self.count) % 1, found.known), None
             asked[wanted] += 1
             alike = self._alike(scene, target, offered, rng)
             order = itertools.product(self._order(wanted, group), _fewest_first(alike, stand))
@@ -206,14 +200,13 @@ class Distractors(Operator):
             things.append({"handle": fresh[number], **one})
         return {"things": things, "asked": dict(asked), "elsewhere": dict(elsewhere)}
 
-    def _wanted(self, chance: float, shown: Mapping[str, bool]) -> str:
-        """The zone that the next things shall stand in, by a chance in 0..1; `shown` says of path and target whether
-        the recording has one."""
+    def _wanted(self, chance: float, known: frozenset[str]) -> str:
+        """The zone that the next things shall stand in, by a chance in 0..1; `known` are those that are recorded."""
         if isinstance(self.near, str):
             return self.near
         for zone, share in self.near.items():
             if chance < share:
-                return zone if self.near != NEAR or shown[zone] else "beyond"
+                return zone if self.near != NEAR or zone in known else "beyond"
             chance -= share
         return "beyond"
 

@@ -191,10 +191,7 @@ class Recolor(Operator):
     ) -> list[float]:
         """The new color; in photographs what paint of it shows there."""
         red, green, blue = self.color.draw(rng, taken)
-        photographed = (
-            agreement.photographed(scene) or scene.back is not None
-        )  # the latter: a video
-        if self.color.exact or not photographed:
+        if self.color.exact or not agreement.told(scene):
             return [red, green, blue]
         return list(gamut.painted(scene.episode, (red, green, blue)))
 

@@ -149,7 +149,7 @@ class Made:
         edits = [one.option for one in self.draws if one.edit is not None and one.option]
         placed = dict.fromkeys(one.name for one in edits if not one.operator.everywhere)
         named = [target.role for one in edits for target in planning.targets(one.operator)]
-        named += ["things"] * any(one.puts for one in self.draws)
+        named += ["things"] if any(one.puts for one in self.draws) else []
         known = getattr(self.scene.back, "doubts", {})
         doubts = tuple(doubt for role in dict.fromkeys(named) for doubt in known.get(role, ()))
         if not missing or not placed:

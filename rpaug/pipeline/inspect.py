@@ -162,7 +162,7 @@ def recorded_frames(described: Mapping[str, Any]) -> list[int]:
 
 def measured(described: Mapping[str, Any]) -> bool:
     """Whether lengths are in metres: of a video nothing may tell its scale."""
-    return not described.get("film", {}).get("unit", "").startswith("relative")
+    return described.get("film", {}).get("metric", True)
 
 
 def _described(row: InstanceSummary, recorded: Sequence[int]) -> dict[str, Any]:

@@ -327,3 +327,10 @@ def test_what_changes_together_takes_no_second_share() -> None:
     both = "paint the red can and the blue can green in 30% of the copies"
     with pytest.raises(NotUnderstood, match="same copies as another"):
         edits(f"{both}. paint the red can yellow in 20% of the copies")
+
+
+@pytest.mark.parametrize("wish", ["make the lights darker by 150%", "dim the lights by up to 100%"])
+def test_light_that_cannot_be_is_refused(wish: str) -> None:
+    """The first came out brighter, the second as a recipe that is none."""
+    with pytest.raises(NotUnderstood):
+        edits(wish)

@@ -69,6 +69,7 @@ def test_a_settled_role_is_certain_and_takes_its_ids_from_others(scene: Scene) -
     made, wrong = settle(scene, {"receiver": SettledRole(handle=[TABLE])})
     assert made.roles["receiver"] == {TABLE}
     assert "table" not in made.roles
+    assert TABLE not in made.beliefs["table"].instance_ids
     assert made.beliefs["receiver"].confidence == 1
     assert wrong == ()
 

@@ -30,6 +30,7 @@ class Zones:
     target: Bool[np.ndarray, "r c"]
     beyond: Bool[np.ndarray, "r c"]
     outside: Bool[np.ndarray, "r c"]
+    known: frozenset[str]  # of path and target those that the recording shows
 
     def __getitem__(self, name: str) -> Bool[np.ndarray, "r c"]:
         """One of the zones, or `anywhere` for all of the workspace."""
@@ -59,7 +60,8 @@ def find(scene: Scene, room: FreeSpace, within: float, box: Box | None) -> Zones
     # A cell's middle may be half a cell from the point that it holds.
     by_path, by_target = (room.near(points, within - CELL) for points in (path, target))
     beyond = ~room.near(np.concatenate([path, target]), within + CELL)
-    return Zones(by_path & inside, by_target & inside, beyond & inside, ~inside)
+    known = frozenset(name for name, at in (("path", path), ("target", target)) if len(at))
+    return Zones(by_path & inside, by_target & inside, beyond & inside, ~inside, known)
 
 
 def acted_on(scene: Scene) -> frozenset[int]:

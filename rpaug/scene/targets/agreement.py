@@ -24,6 +24,11 @@ def photographed(scene: Scene) -> bool:
     return any(view.proxy is not None for view in scene.episode.views.values())
 
 
+def told(scene: Scene) -> bool:
+    """Did rpaug tell the scene's things itself: in color images, or in a video?"""
+    return photographed(scene) or scene.back is not None
+
+
 def of_one_tint(scene: Scene, instance_id: int) -> bool:
     """Is an instance of a photographed scene told by its color alone, so that it has one tint? The surroundings have
     many, and so may what models outlined."""
@@ -45,7 +50,7 @@ def apart(scene: Scene) -> frozenset[int]:
 def playing(scene: Scene, role: str) -> frozenset[int]:
     """Instances that have a role; in color images and videos, whose things rpaug told, also those that may have it."""
     held, doubted = scene.roles.get(role, frozenset()), scene.beliefs.get(role)
-    if doubted is None or not (photographed(scene) or scene.back is not None):
+    if doubted is None or not told(scene):
         return held
     return held | doubted.instance_ids
 

@@ -111,7 +111,11 @@ def settle(scene: Scene, wanted: Mapping[str, SettledRole]) -> tuple[Scene, tupl
     wrong = tuple(
         f"{role}: {belief.reasons[0]}" for role, belief in found.items() if not belief.instance_ids
     )
-    return replace(scene, roles=roles, beliefs={**scene.beliefs, **found}), wrong
+    beliefs = {
+        role: replace(belief, instance_ids=belief.instance_ids - taken)
+        for role, belief in scene.beliefs.items()
+    }
+    return replace(scene, roles=roles, beliefs={**beliefs, **found}), wrong
 
 
 def _found(scene: Scene, one: SettledRole) -> frozenset[int]:

@@ -45,22 +45,24 @@ def apart(spans: Sequence[Span]) -> tuple[str, ...]:
     """In which frames what is put in does not show, in a sentence; none where a video is one piece."""
     if len(spans) < 2:
         return ()
-    frames = "; ".join(f"{first} to {last}" for first, last in spans)
     return (
-        f"what is put into one piece of the video (frames {frames}) does not show in the others",
+        f"what is put into one piece of the video (frames {_frames(spans)}) does not show in the others",
     )
 
 
 def told(found: InstanceMap, spans: Sequence[Span], eye: float) -> tuple[str, ...]:
     """What `rpaug inspect` says of the table beside the belief: pieces, doubts, other level surfaces. `eye` is the
     camera's height above its support."""
-    frames = "; ".join(f"{first} to {last}" for first, last in spans)
     parted = [
-        f"the camera is known in {len(spans)} pieces (frames {frames}) that share too few points to be set beside each"
-        " other: each has a table of its own, and what is put on one is not on the others"
+        f"the camera is known in {len(spans)} pieces (frames {_frames(spans)}) that share too few points to be set"
+        " beside each other: each has a table of its own, and what is put on one is not on the others"
     ] * (len(spans) > 1)
     levels = [_levels(found, k, one, eye) for k, one in _supports(found)]
     return (*parted, *doubts(found, spans), *filter(None, levels))
+
+
+def _frames(spans: Sequence[Span]) -> str:
+    return "; ".join(f"{first} to {last}" for first, last in spans)
 
 
 def _supports(found: InstanceMap) -> list[tuple[int, Support]]:

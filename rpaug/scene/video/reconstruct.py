@@ -47,9 +47,6 @@ ASIDE = 3  # registered frames before and after whose points bound a frame's dep
 SPAN = (0.4, 1.5)  # around the depths of the points
 JOINED = 20  # frames that a video's fingerprint is taken of
 LOOKS_KEPT = 12  # frames: those that are compared with one another
-RELATIVE = (
-    f"relative: the median depth is taken to be {world.TYPICAL} m, nothing tells the true one"
-)
 NO_INSTANCES = InstanceMap(1.0, np.zeros(0, np.int64), np.zeros(0, np.int32), 0)
 BOXES_APART = 45  # frames between two annotated ones, at most, for boxes to be drawn between them
 
@@ -114,7 +111,7 @@ def develop(
         masks[k] = _with_boxes(view, int(model.times[k]), look(k), mask)
 
     video = VideoScene(
-        episode, model, tuple(depths), NO_INSTANCES, RELATIVE, tuple(masks), contradicted,
+        episode, model, tuple(depths), NO_INSTANCES, world.RELATIVE, tuple(masks), contradicted,
         asked.fit_width, small,
     )  # fmt: skip
     return scaled(_standing(_with_kept(video, where, asked)), asked)

@@ -18,7 +18,7 @@ from rpaug.core.pixels import bounds, grown
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.targets import roles
-from rpaug.scene.video import believed
+from rpaug.scene.video import believed, world
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
 from rpaug.scene.video.instances import InstanceMap
 from rpaug.scene.video.kept import KeptInstances
@@ -174,6 +174,7 @@ class VideoScene:
             "points": len(self.model.points),
             "ray_angle_degrees": round(self.model.angle(), 2),
             "unit": self.unit,
+            "metric": self.unit != world.RELATIVE,
             "pieces": [list(span) for span in self.spans],
             **self.model.facts,
         }

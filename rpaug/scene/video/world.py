@@ -18,6 +18,7 @@ SAMPLES = 3000
 THICK = 0.006  # of the median distance: points so near to a plane lie in it
 LEAST = 0.05  # of all sightings of points lie in a plane that is one
 TYPICAL = 1.2  # metres: taken for the median depth where nothing tells the unit
+RELATIVE = f"relative: the median depth is taken to be {TYPICAL} m, nothing tells the true one"
 
 
 def upward(cam_to_world: Float64[np.ndarray, "m 4 4"]) -> Float64[np.ndarray, "3"]:
