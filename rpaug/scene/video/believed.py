@@ -38,7 +38,13 @@ def doubts(found: InstanceMap, spans: Sequence[Span]) -> tuple[str, ...]:
         for k, one in known.items()
         if one.disputed > DISPUTED
     ]
-    return (*none, *wrong)
+    glass = [
+        f"instance {thing.instance_id} has the color of the table {_numbers(one)} on which {thing.outlined} of"
+        f" {thing.shown} frames outline it: a glass, or a mark that shines; it is left as it is, its rim may not be"
+        for one in known.values()
+        for thing in one.clear
+    ]
+    return (*none, *wrong, *glass)
 
 
 def apart(spans: Sequence[Span]) -> tuple[str, ...]:

@@ -16,7 +16,10 @@ from jaxtyping import Bool, Float32, Float64, Int32, Int64
 from rpaug.core import geometry
 from rpaug.core.pixels import bounds, filled, grown, nearest
 from rpaug.scene.instances import color_clusters, grouping, outlines
+from rpaug.scene.video import clear
+from rpaug.scene.video.clear import ClearThing
 from rpaug.scene.video.frame import PosedFrame
+from rpaug.scene.video.linked import joined
 from rpaug.scene.video.support_look import SupportLook
 
 BACKGROUND = 1  # instance id of all that is no thing
@@ -57,7 +60,8 @@ class Support:
     """What things stand on in one piece of a video: its instances, and their color in weighted Lab.
 
     Of the `sightings` of its points, which structure from motion measured, the share `measured` lies in its plane.
-    Where one frame shows it another one shows something else, `disputed` of its pixels. `look` is that of its places.
+    Where one frame shows it another one shows something else, `disputed` of its pixels. `look` is that of its places;
+    `clear` stand on it and have its color.
     """
 
     instance_ids: frozenset[int]
@@ -66,6 +70,7 @@ class Support:
     measured: float = 0.0
     disputed: float = 0.0
     look: SupportLook | None = None
+    clear: tuple[ClearThing, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -138,8 +143,13 @@ class InstanceMap:
     def segmented(
         self, look: PosedFrame, named: Int32[np.ndarray, "h w"]
     ) -> Int32[np.ndarray, "h w"]:
-        """The same by segment, by what colors say of the support."""
-        return self._as_elsewhere(look, self._cleared(look, named))
+        """The same by segment, by what colors say of the support and of what stands on it."""
+        told = self._as_elsewhere(look, self._cleared(look, named))
+        support = self.support_of(look)
+        if support is None or support.look is None:
+            return told
+        held = np.isin(told, list(support.instance_ids))
+        return clear.marked(look, told, held, support.look, support.clear)
 
     def _told(
         self,
@@ -449,19 +459,6 @@ def _most(cell: np.ndarray, name: np.ndarray, count: int) -> np.ndarray:
     out = np.full(count, -1)
     out[owner[where]] = pairs[order][where] % (low.max() + 1) + name.min()
     return out
-
-
-def joined(count: int, edges: np.ndarray) -> np.ndarray:
-    """A number for each of `count` nodes, the same for those that edges join (pointer jumping)."""
-    root = np.arange(count)
-    while len(edges):
-        a, b = root[edges[:, 0]], root[edges[:, 1]]
-        if (a == b).all():
-            break
-        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
-        while (root[root] != root).any():
-            root = root[root]
-    return root
 
 
 def _packed(cells: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from rpaug.core import geometry, pixels
 from rpaug.core.files import write_atomic
 from rpaug.providers import grabcut
 from rpaug.scene import instances as finders
+from rpaug.scene.video.clear import ClearThing
 from rpaug.scene.video.instances import InstanceMap, LevelInstance, Support
 from rpaug.scene.video.model import DAMAGED, fingerprint
 from rpaug.scene.video.support_look import SupportLook
@@ -44,6 +45,7 @@ class KeptInstances:
         for k, one in enumerate(found.supports):
             if one and one.look:
                 arrays |= {f"codes_{k}": one.look.codes, f"colors_{k}": one.look.colors}
+                arrays |= {f"clear_{thing.instance_id}": thing.codes for thing in one.clear}
         stated = {
             "level": found.level,
             "levels": [asdict(one) for one in found.levels],
@@ -80,7 +82,8 @@ def _plain(one: Support) -> dict[str, Any]:
     """A support in plain values, but for the arrays of its places."""
     look = one.look and {"side": one.look.side, "level": one.look.level}
     ids, color = sorted(one.instance_ids), one.color.tolist()
-    return {**asdict(one), "instance_ids": ids, "color": color, "look": look}
+    clear = [{**asdict(thing), "codes": None} for thing in one.clear]
+    return {**asdict(one), "instance_ids": ids, "color": color, "look": look, "clear": clear}
 
 
 def _support(stated: Mapping[str, Any], held: Mapping[str, np.ndarray], k: int) -> Support:
@@ -89,7 +92,11 @@ def _support(stated: Mapping[str, Any], held: Mapping[str, np.ndarray], k: int) 
     look = stated["look"] and SupportLook(
         **stated["look"], codes=held[f"codes_{k}"], colors=held[f"colors_{k}"]
     )
-    return Support(**{**stated, "instance_ids": ids, "color": color, "look": look})
+    clear = tuple(
+        ClearThing(**{**one, "codes": held[f"clear_{one['instance_id']}"]})
+        for one in stated["clear"]
+    )
+    return Support(**{**stated, "instance_ids": ids, "color": color, "look": look, "clear": clear})
 
 
 def keep(path: Path, **arrays: np.ndarray) -> None:

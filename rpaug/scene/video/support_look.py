@@ -31,23 +31,41 @@ class SupportLook:
         """The same in a world that is `factor` times as large."""
         return replace(self, side=factor * self.side, level=factor * self.level)
 
-    def off(self, look: PosedFrame, among: Bool[np.ndarray, "h w"]) -> Float64[np.ndarray, "h w"]:
+    def places(self, look: PosedFrame) -> Int64[np.ndarray, "h w"]:
+        """Which place each pixel's ray meets; -1 where it meets none."""
+        return _codes(look, self.level, self.side)
+
+    def off(
+        self, look: PosedFrame, among: Bool[np.ndarray, "h w"], around: int = 0
+    ) -> Float64[np.ndarray, "h w"]:
         """How far each pixel is from the color of its place; NaN where that is not known.
 
-        The frame's exposure and white are told by the pixels `among` which it shows the support.
+        The frame's exposure and white are told by the pixels `among` which it shows the support. The nearest color of
+        so many places `around` counts: a place on an outline is part this, part that.
         """
         out = np.full(look.depth.shape, np.nan)
         if not len(self.codes):
             return out
-        codes = _codes(look, self.level, self.side)
-        at = np.minimum(np.searchsorted(self.codes, codes), len(self.codes) - 1)
-        known = self.codes[at] == codes
+        codes = self.places(look)
+        at, known = self._found(codes)
         if not (known & among).any():
             return out
         shown = color_clusters.weighted(look.rgb)
         shown = shown - np.median((shown - self.colors[at])[known & among], 0)
-        out[known] = np.linalg.norm(shown[known] - self.colors[at[known]], axis=-1)
+        steps = range(-around, around + 1)
+        for step in (2 * FAR * row + column for row in steps for column in steps):
+            beside, there = self._found(codes + step)
+            there &= known
+            off = np.linalg.norm(shown[there] - self.colors[beside[there]], axis=-1)
+            out[there] = np.fmin(out[there], off)
         return out
+
+    def _found(
+        self, codes: Int64[np.ndarray, "h w"]
+    ) -> tuple[Int64[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
+        """Where in `codes` these are, and which of them are there."""
+        at = np.minimum(np.searchsorted(self.codes, codes), len(self.codes) - 1)
+        return at, self.codes[at] == codes
 
 
 def shown(

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32
 
 from rpaug.scene.instances import color_clusters
+from rpaug.scene.video import clear
 from rpaug.scene.video.frame import PosedFrame
 from rpaug.scene.video.instances import (
     APART,
@@ -54,12 +55,17 @@ def with_supports(
         found.append(_support(own, ids, named, seen, noise))
         levels += _levels(own, ids, named, seen, noise, piece) if named else []
     made = replace(things, supports=tuple(found), level=level, levels=tuple(levels))
-    told = [_settled(made, [look for look in looks if look.piece == k], k) for k in range(count)]
+    told = list[Support | None]()
+    for k in range(count):
+        one = _settled(made, [look for look in looks if look.piece == k], k)
+        made = replace(made, count=made.count + len(one.clear if one else ()))
+        told.append(one)
     return replace(made, supports=tuple(told))
 
 
 def _settled(found: InstanceMap, looks: Sequence[PosedFrame], piece: int) -> Support | None:
-    """A piece's support with what its places look like, and how far frames dispute it."""
+    """A piece's support with what its places look like, what of its color stands on it, and how far frames dispute it;
+    ids of what is found there follow those of all instances."""
     support, level = found.supports[piece], found.level
     if support is None or level is None:
         return None
@@ -71,7 +77,9 @@ def _settled(found: InstanceMap, looks: Sequence[PosedFrame], piece: int) -> Sup
             for one, look in zip(named, looks, strict=True)
         ]
 
-    known = replace(support, look=shown(looks, masks(found), level, found.cell))
+    shows = masks(found)
+    look = shown(looks, shows, level, found.cell)
+    known = replace(support, look=look, clear=clear.find(looks, shows, look, FIRST + found.count))
     others = tuple(known if k == piece else one for k, one in enumerate(found.supports))
     return replace(known, disputed=_disputed(looks, masks(replace(found, supports=others))))
 
