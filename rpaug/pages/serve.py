@@ -155,8 +155,8 @@ def _paged(described: dict[str, Any]) -> dict[str, Any]:
 
 def _frame(session: Session, t: int) -> int:
     """Raises RpaugError where there is no such frame."""
-    if not 0 <= t < session.shown.length:
-        raise RpaugError(f"frame {t}: no such frame; expected 0 to {session.shown.length - 1}")
+    if not 0 <= t < session.episode.length:
+        raise RpaugError(f"frame {t}: no such frame; expected 0 to {session.episode.length - 1}")
     return t
 
 

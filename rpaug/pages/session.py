@@ -99,14 +99,9 @@ class Session:
         """Name and color of each instance."""
         return labels(self.found[1])
 
-    @property
-    def shown(self) -> Episode:
-        """The episode whose frames are shown: of a video those that it was worked out from, once they are known."""
-        return self.found[2] if "found" in self.__dict__ else self.episode
-
     def recorded(self) -> dict[str, Any]:
         """What a page says of the episode before anything was looked for in it."""
-        shown = self.shown
+        shown = self.episode
         return {
             "key": shown.key,
             "instruction": shown.instruction,
@@ -176,7 +171,7 @@ class Session:
 
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images, the latest kept; many of them as JPEG only where that is smaller than exact pixels."""
-        name, views = (id(self.shown), *frames), self.shown.views
+        name, views = (*frames,), self.episode.views
         held = self._before  # another thread may put its own there
         if held[0] != name:
             made = {camera: {"before": smallest(view, frames)} for camera, view in views.items()}
@@ -221,7 +216,7 @@ class Session:
 
     def _change(self, made: Made, frames: Sequence[int]) -> dict[str, float]:
         """By camera the mean change in levels of 255, over these frames and all pixels."""
-        seen, out = self.found[2].views, {}
+        seen, out = self.episode.views, {}
         for name, view in made.recorded.views.items():
             pairs = [(seen[name].rgb(t), view.rgb(t)) for t in frames]
             means = [

@@ -104,3 +104,32 @@ def test_a_recipe_that_differs_in_its_last_step_draws_that_one_alone(
     assert drawn == [0, 1, 2, 2]
     session.copy(recipe.build({"version": 1, "seed": 1, "edits": RECIPES[2]}), 1)
     assert drawn[4:] == [0, 1, 2]
+
+
+def test_a_video_is_shown_by_its_recorded_frames_whatever_frames_it_was_worked_out_from(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def episode(levels: Sequence[int]) -> Any:
+        camera = SimpleNamespace(width=16, height=16)
+        view = SimpleNamespace(
+            camera=camera, ids=None, depth=None,
+            rgb=lambda t: np.full((16, 16, 3), levels[t], np.uint8),
+        )  # fmt: skip
+        return SimpleNamespace(key="walk", instruction="", length=len(levels), views={"ego": view})
+
+    session = Session(Path())
+    session.__dict__["_episode"] = episode([0, 10, 20, 30, 40])
+    session.__dict__["found"] = {}, (), episode([0, 30, 40])  # two frames have no camera pose
+    copy = SimpleNamespace(
+        recorded=episode([5, 15, 25, 35, 45]), draws=(), repainted={}, scene=SimpleNamespace(bodies=()),
+    )  # fmt: skip
+    shown = SimpleNamespace(made=copy, verdict=dict)
+    monkeypatch.setattr(Session, "copy", lambda *_: shown)
+    assert session.describe()["length"] == 5
+    asked = recipe.build({"version": 1, "edits": [{"op": "light_color"}]})
+    for t in range(5):
+        drawn = session.drawn(asked, 1, [t], judged=False)
+        assert drawn["change"] == {"ego": 5.0}
+        assert (
+            session.before([t])["ego"]["before"]["tile"] == drawn["images"]["ego"]["after"]["tile"]
+        )
