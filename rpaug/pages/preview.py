@@ -59,7 +59,17 @@ def page(
         progress.told(key, progress.FINISHED)
         count(number * draws, len(keys) * draws)
     images = _shared(shown)
-    told = {"notes": unfinished(root), "recipe": recipe.source, "yaml": text(recipe.source)}
+    notes = dict.fromkeys(
+        f"{one['key']}: {warning}"
+        for one in shown
+        for draw in one["draws"]
+        for warning in draw["warnings"]
+    )
+    told = {
+        "notes": [*unfinished(root), *notes],
+        "recipe": recipe.source,
+        "yaml": text(recipe.source),
+    }
     return built({"episodes": shown, "images": images, **told})
 
 

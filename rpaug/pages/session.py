@@ -197,6 +197,7 @@ class Session:
             **shown.verdict(),
             "added": self._added(made, numbers),
             "change": self._change(made, frames),
+            "warnings": list(made.lacking),
             "images": {
                 name: _images(view, frames, numbers, before[name]["before"]["exact"])
                 for name, view in views.items()

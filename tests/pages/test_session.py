@@ -121,7 +121,8 @@ def test_a_video_is_shown_by_its_recorded_frames_whatever_frames_it_was_worked_o
     session.__dict__["_episode"] = episode([0, 10, 20, 30, 40])
     session.__dict__["found"] = {}, (), episode([0, 30, 40])  # two frames have no camera pose
     copy = SimpleNamespace(
-        recorded=episode([5, 15, 25, 35, 45]), draws=(), repainted={}, scene=SimpleNamespace(bodies=()),
+        recorded=episode([5, 15, 25, 35, 45]), draws=(), repainted={}, lacking=("doubted",),
+        scene=SimpleNamespace(bodies=()),
     )  # fmt: skip
     shown = SimpleNamespace(made=copy, verdict=dict)
     monkeypatch.setattr(Session, "copy", lambda *_: shown)
@@ -130,6 +131,7 @@ def test_a_video_is_shown_by_its_recorded_frames_whatever_frames_it_was_worked_o
     for t in range(5):
         drawn = session.drawn(asked, 1, [t], judged=False)
         assert drawn["change"] == {"ego": 5.0}
+        assert drawn["warnings"] == ["doubted"]
         assert (
             session.before([t])["ego"]["before"]["tile"] == drawn["images"]["ego"]["after"]["tile"]
         )

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8, UInt16
 
+from rpaug.core import geometry
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import bounds, grown
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, Everywhere, Scene
@@ -20,7 +21,7 @@ from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.targets import roles
 from rpaug.scene.video import believed, world
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
-from rpaug.scene.video.instances import InstanceMap
+from rpaug.scene.video.instances import InstanceMap, plane_depth
 from rpaug.scene.video.kept import KeptInstances
 from rpaug.scene.video.lens import Lens
 from rpaug.scene.video.model import Reconstruction
@@ -29,6 +30,8 @@ from rpaug.scene.video.upsampled import upsampled
 SURE = 0.6  # of what moves by itself: nothing checks it by contact
 MOVES = "it moves by itself, or is carried by what does"
 KEPT = 8  # images of one kind
+STEPS = -1, 1, -2, 2  # frames before and after one that are asked whether its support is theirs
+FEWEST = 2  # of them that say it is not
 RESTING = 8  # frames before and after that a hand may rest in
 SNAP = 0.35  # of depth: what of the support is farther from its plane is something else
 AROUND = 9  # pixels around what moves by itself that tell how far what it hides is
@@ -242,7 +245,37 @@ class VideoScene:
         made = look_at(t, image, self.lens, self.model.cam_to_world[k], self.depths[k], self.small)
         return replace(made, sighted=seen, piece=self.pieces[k] if self.pieces else 0)
 
+    @cached_property
+    def _told(self) -> Callable[[int], UInt16[np.ndarray, "h w"]]:
+        """The ids that each frame tells with those beside it, at their size."""
+        return lru_cache(KEPT)(self._tell_alone)
+
     def _tell(self, k: int) -> UInt16[np.ndarray, "h w"]:
+        """Ids of frame `k`; what it alone calls support is what the frames just before and after call it, where most of
+        these say something else."""
+        ids, level, support = self._told(k), self.instances.level, [*self.instances.support]
+        if level is None or not support:
+            return ids
+        look = self._named(k)[0]
+        rows, columns = np.nonzero(np.isin(ids, support))
+        depth = plane_depth(look.K, look.cam_to_world, ids.shape, level)
+        points = geometry.transform(look.cam_to_world, geometry.unproject(depth, look.K))
+        shown, other = np.zeros(len(rows), int), np.zeros(len(rows), int)
+        name = np.zeros(len(rows), np.uint16)
+        for step in STEPS:
+            if not 0 <= k + step < len(self.depths):
+                continue
+            row, column, _ = self._named(k + step)[0].sees(points[rows, columns])
+            inside = row >= 0
+            there = np.where(inside, self._told(k + step)[row, column], 0)
+            off = inside & ~np.isin(there, support)
+            shown, other = shown + inside, other + off
+            name = np.where(off & (name == 0), there, name)
+        out, most = ids.copy(), (other > shown / 2) & (other >= FEWEST)
+        out[rows[most], columns[most]] = name[most]
+        return out
+
+    def _tell_alone(self, k: int) -> UInt16[np.ndarray, "h w"]:
         look, named = self._named(k)
         beside = [self._named(j) for j in (k - 1, k + 1) if 0 <= j < len(self.depths)]
         ids = self.instances.of(look, named, beside)
