@@ -171,7 +171,7 @@ class Session:
 
     def before(self, frames: Sequence[int]) -> Images:
         """The recorded images, the latest kept; many of them as JPEG only where that is smaller than exact pixels."""
-        name, views = (*frames,), self.episode.views
+        name, views = tuple(frames), self.episode.views
         held = self._before  # another thread may put its own there
         if held[0] != name:
             made = {camera: {"before": smallest(view, frames)} for camera, view in views.items()}

@@ -4,6 +4,7 @@ A segment that the support surrounds, at one place of it in several frames, is a
 looks the same from everywhere, and what stands on the surface does not; a lamp's reflection wanders with the camera.
 """
 
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -53,11 +54,15 @@ def find(
         for k, (look, mask) in enumerate(zip(looks, masks, strict=True))
         for codes in _islands(look, mask, places[k], look_of)
     ]
+    having, shared = defaultdict[int, list[int]](list), Counter[tuple[int, int]]()
+    for i, (_, codes) in enumerate(found):
+        for code in codes.tolist():
+            shared.update((i, j) for j in having[code])
+            having[code].append(i)
     alike = [
         (i, j)
-        for i, (_, one) in enumerate(found)
-        for j, (_, other) in enumerate(found[:i])
-        if np.isin(one, other).sum() > SAME * min(len(one), len(other))
+        for (i, j), count in shared.items()
+        if count > SAME * min(len(found[i][1]), len(found[j][1]))
     ]
     group = joined(len(found), np.array(alike, np.int64).reshape(-1, 2))
     out = list[ClearThing]()

@@ -265,7 +265,10 @@ class VideoScene:
         for step in STEPS:
             if not 0 <= k + step < len(self.depths):
                 continue
-            row, column, _ = self._named(k + step)[0].sees(points[rows, columns])
+            other_look = self._named(k + step)[0]
+            if other_look.piece != look.piece:  # how pieces lie beside each other is not known
+                continue
+            row, column, _ = other_look.sees(points[rows, columns])
             inside = row >= 0
             there = np.where(inside, self._told(k + step)[row, column], 0)
             off = inside & ~np.isin(there, support)
