@@ -272,6 +272,7 @@ def test_an_output_that_may_not_be_written_ends_the_run(
     assert not found.failures
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
 def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Path) -> None:
     many = tmp_path / "many"
     for number in range(6):
@@ -294,8 +295,10 @@ def test_a_killed_run_is_resumed_to_the_same_bytes(template: Path, tmp_path: Pat
     run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while run.poll() is None and not (out / GROUP / "episode1").exists():
         time.sleep(0.01)
+    at_work = workers_of(run.pid)
     run.send_signal(signal.SIGKILL)
     run.wait()
+    ended(at_work)  # they note what they have written until they see that they are alone
     done = RLBench().episodes(out)
     assert 2 <= len(done) < 12
     for key in done:
@@ -347,6 +350,14 @@ def alive(pid: int) -> bool:
         return False
 
 
+def ended(processes: list[int]) -> None:
+    """Wait until none of them is at work any more."""
+    ends = time.monotonic() + 5
+    while time.monotonic() < ends and any(map(alive, processes)):
+        time.sleep(0.05)
+    assert not any(map(alive, processes))
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for processes in /proc")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
@@ -367,10 +378,7 @@ def test_workers_end_with_a_killed_run_and_nothing_more_is_written(
     said = run.communicate()[1]
     assert len(at_work) == 2
     assert ("the same command with --resume goes on" in said) == (sent != signal.SIGKILL)
-    ends = time.monotonic() + 5
-    while time.monotonic() < ends and any(map(alive, at_work)):
-        time.sleep(0.05)
-    assert not any(map(alive, at_work))
+    ended(at_work)
     there = RLBench().episodes(out)
     assert len(there) < 12
     augment(many, recipe.load(tmp_path / "r.yaml"), out, resume=True)
