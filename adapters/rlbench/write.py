@@ -32,7 +32,8 @@ PICKLES = (".pkl", ".pickle", ".p")
 NEAR, FAR = 0.01, 10.0
 Planes = list[tuple[float, float]]
 MOST_ID = 2**24 - 1  # in a mask of three channels
-THREADS = 1, 8  # that write frames: beside other workers, and alone at most
+THREADS = 1, 8  # that write frames: of small images or beside other workers, and alone at most
+SMALL = 2**15  # pixels: with fewer, threads wait longer for the interpreter than they work outside of it
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
 IMAGES = [
@@ -179,16 +180,18 @@ def _write_images(
         for name in kinds:
             _write_frame(kinds[name], recorded, work, name, t, planes[name][t])
 
-    with ThreadPoolExecutor(_threads()) as pool:
+    with ThreadPoolExecutor(_threads(episode)) as pool:
         for _ in pool.map(write, range(episode.length)):
             pass
 
 
-def _threads() -> int:
+def _threads(episode: Episode) -> int:
     """Workers beside others are told to keep to themselves by the variables that libraries read."""
     few, most = THREADS
+    cameras = (view.camera for view in episode.views.values())
+    small = max(one.width * one.height for one in cameras) < SMALL
     alone = "OMP_NUM_THREADS" not in os.environ
-    return max(few, min(most, os.cpu_count() or 1)) if alone else few
+    return max(few, min(most, os.cpu_count() or 1)) if alone and not small else few
 
 
 def _kinds(

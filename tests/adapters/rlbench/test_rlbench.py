@@ -4,13 +4,14 @@ import os
 import pickle
 import re
 import shutil
+import threading
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from rpaug_adapters.rlbench import RLBench
+from rpaug_adapters.rlbench import RLBench, write
 from rpaug_adapters.rlbench.pickles import dump, load
 from rpaug_adapters.rlbench.read import DEPTH_STEPS, read_code
 
@@ -140,6 +141,33 @@ def test_only_what_changed_is_encoded_anew(dataset: Path, tmp_path: Path) -> Non
             assert (
                 abs(adapter.read(tmp_path / "out", KEY).views["front"].depth(1)[0, 0] - 1.25) < 1e-6
             )
+
+
+def test_large_images_are_written_by_threads_to_the_same_bytes(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    episode = RLBench().read(dataset, KEY)
+    name, view = next(iter(episode.views.items()))
+    written: list[dict[str, bytes]] = []
+    for small in (write.SMALL, 1):
+        monkeypatch.setattr(write, "SMALL", small)
+        makers = set()
+        met = threading.Barrier(3, timeout=30)
+
+        def inverted(t: int) -> np.ndarray:
+            makers.add(threading.get_ident())
+            if write.SMALL == 1 and t < 3:
+                met.wait()  # three are at work at once
+            return 255 - view.rgb(t)
+
+        edited = {**episode.views, name: replace(view, rgb=inverted)}
+        out = tmp_path / str(small)
+        RLBench().write(replace(episode, views=edited), out, KEY, dict)
+        assert len(makers) == (3 if small == 1 else 1)
+        written.append({str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*.png")})
+    assert written[0] == written[1]
 
 
 def test_a_moved_camera_is_the_only_new_matrix(dataset: Path, tmp_path: Path) -> None:
