@@ -1,7 +1,8 @@
 """`rpaug inspect`: what an episode holds."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +19,10 @@ from rpaug.cli.console import (
 )
 from rpaug.cli.progress import progress_bar
 
+if TYPE_CHECKING:
+    from rpaug.scene.targets.survey import InstanceSummary
+
+LINES = 30  # of instances without a role; a video has a hundred
 LISTED = ("dataset", "layout", "episodes")
 
 
@@ -94,8 +99,11 @@ def inspect(
         say(
             f"  structure from motion: {video['registered']} of {video['frames']} frames, focal length"
             f" {video['focal_px']:.0f} px; lengths are {video['unit']}"
-            + (f"; no camera pose in {spans(lost)}" if (lost := video["passed_through"]) else "")
         )
+        if lost := video["passed_through"]:
+            say(
+                f"  no camera pose in frames {spans(lost)}: `light_color` and sensor edits alone reach them"
+            )
         say("  kept in the cache, for `augment` too: camera, depth, hands, instances")
     for words in described["unread"]:
         say(f"  warning: not understood: {words}")
@@ -112,16 +120,7 @@ def inspect(
         say(f"{role}: {ids}{sure(one)}{why}")
     for words in described["light"]:
         say(f"light: {words}")
-    sized = "size, cm" if inspection.measured(described) else "size, relative"
-    say(
-        f"{'handle':>8}  {'role':12}{'color':9}{sized:22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
-    )
-    for row in rows:
-        motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
-        size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
-        body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
-        line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
-        say(f"{line}{row.frames:8d}  {body}")
+    _tabled(rows, "size, cm" if inspection.measured(described) else "size, relative")
     for words in described.get("differ", ()):  # last: the table is long
         say(f"roles differ: {words}")
     if write_roles:
@@ -129,6 +128,25 @@ def inspect(
             f"roles written to {described['roles_file']}: mend them there; those in doubt are comments"
         )
     return 0
+
+
+def _tabled(rows: Sequence["InstanceSummary"], sized: str) -> None:
+    """A line for each instance that has a role, or of which much is seen; how many more there are."""
+    most = sorted(rows, key=lambda row: -sum(row.pixels.values()))[:LINES]
+    shown = [row for row in rows if row.role or row in most]
+    say(
+        f"{'handle':>8}  {'role':12}{'color':9}{sized:22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
+    )
+    for row in shown:
+        motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
+        size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
+        body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
+        line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
+        say(f"{line}{row.frames:8d}  {body}")
+    if len(shown) < len(rows):
+        say(
+            f"and {len(rows) - len(shown)} of which less is seen: --html FILE outlines all of them, --json lists them"
+        )
 
 
 def _several(root: Path) -> list[tuple[Path, str, int]]:

@@ -289,7 +289,7 @@ def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:
 
 def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """Noise, blur, compression and exposure of the images: of all cameras, or of those that are named."""
-    exposed = clause.has("stops", "exposure", "gamma") or "expos" in clause.text
+    exposed = clause.has("stops", "exposure", "gamma", "flicker") or "expos" in clause.text
     exposed |= clause.has("darker", "brighter") and clause.has("image")
     kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
     surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
@@ -325,9 +325,11 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     told = _same_cameras(clause, wish, edit)
     mild = bool(clause.every("little"))
     if kind == "exposure":
-        found = _exposure(clause, edit, mild)
+        found = (_flicker if clause.has("flicker") else _exposure)(clause, edit, mild)
         return found.model_copy(update={"notes": (*found.notes, *told)})
     clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
+    if kind == "noise":  # new in every frame
+        clause.every("flicker")
     name, kinds, least = SENSED[kind]
     notes = list[str]()
     if kind == "blur" and clause.says("motion"):
@@ -353,6 +355,22 @@ def _same_cameras(clause: Clause, wish: Wish, edit: Entry) -> list[str]:
         return []
     edit["cameras"] = last["cameras"]
     return [f"{clause.text!r} is taken as said of {', '.join(last['cameras'])}"]
+
+
+def _flicker(clause: Clause, edit: Entry, mild: bool) -> Meant:
+    """Frames that are off by up to so many stops, or so large a share of their light, and nothing else."""
+    clause.every("flicker", "light", "thing", "image", "all", "add", "much", "vary", "exposure")
+    stops, shares = clause.single("stops"), clause.single("share")
+    if stops and shares:
+        raise NotUnderstood(f"{clause.text!r}: stops, or a share of the light?")
+    usual = 0.2 if mild else 0.5
+    amount = (stops or shares or [Amount(0.1, usual)])[0]
+    ends = [math.log2(1 + one) if shares else one for one in (amount.low, amount.high)]
+    ends[0] = 0.0 if amount.how == "upto" else ends[0]
+    notes = () if stops or shares else (f"frames up to {usual} stops off, as no amount was named",)
+    return Meant(
+        edits=(edit | {"stops": [0, 0], "flicker": [tidy(one) for one in ends]},), notes=notes
+    )
 
 
 def _exposure(clause: Clause, edit: Entry, mild: bool) -> Meant:

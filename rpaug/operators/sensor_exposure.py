@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -11,7 +10,7 @@ from pydantic import Field
 
 from rpaug.core import color_space
 from rpaug.core.interfaces import Edit, Examples
-from rpaug.operators.fields import Interval
+from rpaug.operators.fields import Interval, seed
 from rpaug.operators.sensing import Sensing
 
 Factor = Annotated[float, Field(gt=0, le=8)]
@@ -22,23 +21,26 @@ Factors = tuple[Factor, Factor, Factor]
 class Exposure:
     """Twice the light for each of `stops`, times `gains` of red, green and blue, clipped where the display ends.
 
-    What is displayed (0..1) is then raised to `gamma`: above 1 the middle tones are darker.
+    What is displayed (0..1) is then raised to `gamma`: above 1 the middle tones are darker. Each frame is up to
+    `flicker` stops off, evenly.
     """
 
     stops: float
     gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0
+    flicker: float = 0.0
     seed: int = 0
     cameras: tuple[str, ...] | None = None
 
     def __call__(
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
     ) -> UInt8[np.ndarray, "h w 3"]:
-        return np.take_along_axis(self._table, image.reshape(-1, 3), 0).reshape(image.shape)
+        off = rng.uniform(-self.flicker, self.flicker) if self.flicker else 0.0
+        return np.take_along_axis(self._table(off), image.reshape(-1, 3), 0).reshape(image.shape)
 
-    @cached_property
-    def _table(self) -> UInt8[np.ndarray, "256 3"]:
-        light = color_space.to_linear(np.arange(256) / 255.0)[:, None] * 2.0**self.stops
+    def _table(self, off: float) -> UInt8[np.ndarray, "256 3"]:
+        """What each level is displayed as where a frame is so many stops off."""
+        light = color_space.to_linear(np.arange(256) / 255.0)[:, None] * 2.0 ** (self.stops + off)
         shown = np.clip(color_space.from_linear(light * np.array(self.gains)), 0, 1)
         return np.rint(255 * shown**self.gamma).astype(np.uint8)
 
@@ -48,18 +50,23 @@ class SensorExposure(Sensing):
     """Draw the change in stops (photographic doublings of light) from `stops`; all frames get the same.
 
     `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it: between two numbers,
-    or between two of each channel's own. `gamma` is the power to which what is displayed is raised.
+    or between two of each channel's own. `gamma` is the power to which what is displayed is raised. `flicker` draws by
+    how many stops frames are off at most: lamps on mains, which every camera meets at another moment in every frame.
     """
 
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
     gain: Interval[Factor] | tuple[Factors, Factors] = (1.0, 1.0)
     gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
+    flicker: Interval[Annotated[float, Field(ge=0, le=4)]] = (0.0, 0.0)
 
     makes: ClassVar = Exposure
     asked_as: ClassVar[Mapping[str, str]] = {
         "exposure": "exposure, exposures, overexpose, overexposed, underexpose, underexposed",
         "gain": "white balance gain, white balance gains, gains, gain",
         "gamma": "gamma",
+        "flicker": "flicker, flickers, flickering, mains flicker, light flicker, simulate flicker, "
+        "simulate mains flicker, from frame to frame, frame to frame, frame by frame, between frames, per frame, "
+        "from one frame to the next",
     }
     phrases: ClassVar[tuple[str, ...]] = ("vary the exposure",)
     examples: ClassVar[Examples] = (
@@ -72,8 +79,9 @@ class SensorExposure(Sensing):
             "a bluish cast in the wrist camera alone",
             {"stops": [0, 0], "gain": [[0.9, 1, 1.15], [0.9, 1, 1.15]], "cameras": ["wrist"]},
         ),
+        ("flickering lights", {"stops": [0, 0], "flicker": [0.2, 0.5]}),
     )
-    undone_as: ClassVar[tuple[str, ...]] = ("exposure",)
+    undone_as: ClassVar[tuple[str, ...]] = ("exposure", "flicker")
     settles: ClassVar[str] = "sensor exposure"
 
     def __post_init__(self) -> None:
@@ -88,4 +96,6 @@ class SensorExposure(Sensing):
             drawn["gains"] = rng.uniform(low, high, 3).tolist()
         if self.gamma != (1, 1):
             drawn["gamma"] = float(rng.uniform(*self.gamma))
+        if self.flicker[1] > 0:
+            drawn["flicker"], drawn["seed"] = float(rng.uniform(*self.flicker)), seed(rng)
         return drawn

@@ -159,6 +159,22 @@ class Made:
         return (f"{total} {lacking}", *doubts)
 
     @property
+    def uneven(self) -> tuple[str, ...]:
+        """In which frames hardly anything changed though much did in one beside them, where instances were worked out.
+        Ask once all images were rendered."""
+        times: Sequence[int] = getattr(self.scene.back, "times", range(self.episode.length))
+        said = list[str]()
+        for name, view in self.scene.episode.views.items():
+            for t, without in self.tally.gaps(name).items() if view.inferred else ():
+                share = self.tally.changed[name, t] / self.tally.total[name, t]
+                frames = spans([times[k] for k in sorted(without)])
+                said.append(
+                    f"{name}: hardly anything changed in frames {frames}, and {share:.1%} of the pixels in frame"
+                    f" {times[t]} beside them: what is edited is hidden there, or was not found"
+                )
+        return tuple(said)
+
+    @property
     def repainted(self) -> dict[int, str]:
         """The recorded color, as a word, of each instance that an edit paints."""
         edits = [one.edit for one in self.draws if one.edit is not None]

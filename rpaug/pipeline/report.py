@@ -22,6 +22,8 @@ NAME = "rpaug.json"
 HOLES = "rpaug_holes.npz"
 SUMMARY = "rpaug.summary.json"
 CONTACT_SHEET = "rpaug.contact.html"
+MUCH, LEAST = 0.25, 0.0005  # of the most that changes in any frame, and of a frame's pixels
+HARDLY = 0.1  # of what changes in the frame beside
 
 
 @dataclass
@@ -105,6 +107,23 @@ class Tally:
                 }
                 for instance_id in sorted(self.added)
             }
+        return out
+
+    def gaps(self, camera: str) -> dict[int, list[int]]:
+        """Of a frame in which much changes, those just before or after it in which hardly anything does: what is
+        edited leaves an image by and by, unless it was not found."""
+        counts = {t: n for (name, t), n in self.changed.items() if name == camera}
+        much = MUCH * max(counts.values(), default=0)
+        out, told = dict[int, list[int]](), set[int]()
+        for t in sorted(
+            t for t, n in counts.items() if n > max(much, LEAST * self.total[camera, t])
+        ):
+            for step in (-1, 1):
+                k = t + step
+                while k in counts and counts[k] < HARDLY * counts[t] and k not in told:
+                    out.setdefault(t, []).append(k)
+                    told.add(k)
+                    k += step
         return out
 
     def hole_file(self) -> bytes:

@@ -114,6 +114,7 @@ def side_files(
     spent = {"render": made.tally.seconds, "write": time.perf_counter() - start}
     judged = made.judged()
     gates = gating.described(made.figures, judged, made.attempt) if made.gates or judged else None
+    told = (*made.lacking, *made.uneven)
     return report.side_files(
         source=source,
         copy=copy,
@@ -121,7 +122,7 @@ def side_files(
         recipe=dict(recipe),
         draws=[draw.describe() for draw in made.draws],
         repainted=made.repainted,
-        plan=replace(made.plan, warnings=(*made.plan.warnings, *made.lacking, *said)).describe(),
+        plan=replace(made.plan, warnings=(*made.plan.warnings, *told, *said)).describe(),
         tally=made.tally,
         surfels=drawn(made),
         gaussians=len(made.scene.gaussians or ()),

@@ -134,6 +134,23 @@ def test_inspect_lists_instances(template: Path, tmp_path: Path) -> None:
     assert "episode1" in err
 
 
+def test_of_many_instances_those_are_listed_that_have_a_role_or_most_pixels(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every = json.loads(run("inspect", template, "--json")[1])["instances"]
+    plain = [row for row in every if not row["role"]]
+    monkeypatch.setattr("rpaug.cli.inspect.LINES", 1)
+    _, out, _ = run("inspect", template)
+    listed = {int(line.split()[0]) for line in out.splitlines() if line.lstrip()[:1].isdigit()}
+    most = max(every, key=lambda row: sum(row["pixels"].values()))
+    assert listed == {row["handle"] for row in every if row["role"]} | {most["handle"]}
+    left = len(every) - len(listed)
+    assert left > 0
+    assert len(plain) >= left
+    assert f"and {left} of which less is seen: --html FILE" in out
+    assert "of which less is seen" not in json.dumps(every)
+
+
 def test_inspect_says_where_a_motion_is_open(tmp_path: Path) -> None:
     RLBench().write(demonstration(1), tmp_path, "roll/all_variations/episodes/episode0", dict)
     _, out, _ = run("inspect", tmp_path)

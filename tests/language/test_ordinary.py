@@ -9,6 +9,7 @@ from rpaug.language.rounds import said_after
 
 SETTING = WishContext(cameras=("front", "wrist"), instructions=("put the can into the bin",))
 BLUE: dict[str, Any] = {"op": "recolor", "target": "red can", "color": "blue"}
+FLICKER: dict[str, Any] = {"op": "sensor_exposure", "stops": [0, 0]}
 PASTEL: dict[str, Any] = {"hsv": [[0, 360], [0.15, 0.45], [0.85, 1]]}
 
 
@@ -77,6 +78,12 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "turn the front camera 10 degrees to the left and 5 cm up",
             [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
         ),
+        ("make the lights flicker", [FLICKER | {"flicker": [0.1, 0.5]}]),
+        ("the lamps flicker by up to half a stop", [FLICKER | {"flicker": [0, 0.5]}]),
+        ("flickering light, up to 20%", [FLICKER | {"flicker": [0, 0.263]}]),
+        ("vary the brightness from frame to frame", [FLICKER | {"flicker": [0.1, 0.5]}]),
+        ("slight flicker in the wrist camera", [FLICKER | {"cameras": ["wrist"], "flicker": [0.1, 0.2]}]),
+        ("noise per frame", [{"op": "sensor_noise"}]),
         ("strong light", [{"op": "light_color", "brightness": [1.6, 1.6]}]),
         ("white can: make it 20% larger", [{"op": "object_size", "target": "white can", "range": [1.2, 1.2]}]),
         ("make it a blue can", [{"op": "recolor", "target": "can", "color": "blue"}]),
@@ -177,6 +184,12 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "another can in green",
         "table checkered, red/white or blue/white",
         "light from other sides so that the shadows fall elsewhere",
+        "change the light color from frame to frame",
+        "recolor the can per frame",
+        "the light gets darker from frame to frame",
+        "flicker the can",
+        "flicker by 0.2 stops, or 20%",
+        "lights flicker in red",
     ],
 )
 def test_what_is_not_understood_is_refused(wish: str) -> None:

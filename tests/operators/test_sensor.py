@@ -146,6 +146,32 @@ def test_a_gain_may_be_each_channels_own() -> None:
     assert 1.1 < blue < 1.2
 
 
+def test_flicker_puts_each_frame_of_each_camera_off_by_its_own() -> None:
+    from rpaug.core.color_space import to_linear
+
+    recorded, operator = small(), SensorExposure(stops=(0, 0), flicker=(0.4, 0.4))
+    edit = json.loads(json.dumps(operator.sample(recorded, np.random.default_rng(0))))
+    effects = operator.apply(recorded, edit).sensor
+    off = {
+        (name, t): float(
+            np.log2(
+                to_linear(views.sense(effects, grey(128), name, t) / 255.0) / to_linear(128 / 255)
+            ).mean()
+        )
+        for name in ("front", "overhead")
+        for t in range(40)
+    }
+    front, overhead = ([off[name, t] for t in range(40)] for name in ("front", "overhead"))
+    assert min(len(set(front)), len(set(overhead))) > 15  # of the levels there are
+    assert abs(np.corrcoef(front, overhead)[0, 1]) < 0.4
+    assert 0.3 < max(off.values()) <= 0.42
+    assert -0.42 <= min(off.values()) < -0.3
+    assert abs(np.mean(list(off.values()))) < 0.1
+    again = views.sense(effects, grey(128), "front", 3)
+    assert np.array_equal(again, views.sense(effects, grey(128), "front", 3))
+    assert "flicker" not in SensorExposure().sample(recorded, np.random.default_rng(0))
+
+
 def test_a_smear_spreads_a_point_along_its_direction() -> None:
     point = np.zeros((21, 21, 3), np.uint8)
     point[10, 10] = 250
@@ -166,6 +192,7 @@ def test_a_smear_spreads_a_point_along_its_direction() -> None:
         (SensorJPEG, {"quality": [0, 50]}),
         (SensorExposure, {"stops": [1, -1]}),
         (SensorExposure, {"gain": [[1, 1, 1], [1, 0.9, 1]]}),
+        (SensorExposure, {"flicker": [-0.1, 0.1]}),
     ],
 )
 def test_senseless_fields_are_refused(kind: type, fields: dict) -> None:

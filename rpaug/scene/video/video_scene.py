@@ -61,6 +61,11 @@ class VideoScene:
         """Of the only view."""
         return next(iter(self.recorded.views))
 
+    @property
+    def times(self) -> list[int]:
+        """The recorded frame of each that the scene holds."""
+        return [int(t) for t in self.model.times]
+
     @cached_property
     def missing(self) -> list[int]:
         """Recorded frames that the scene does not hold."""
