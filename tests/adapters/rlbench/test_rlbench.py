@@ -150,24 +150,25 @@ def test_large_images_are_written_by_threads_to_the_same_bytes(
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
     episode = RLBench().read(dataset, KEY)
     name, view = next(iter(episode.views.items()))
-    written: list[dict[str, bytes]] = []
-    for small in (write.SMALL, 1):
+    met = threading.Barrier(3, timeout=30)
+
+    def written(small: int, threads: int) -> dict[str, bytes]:
         monkeypatch.setattr(write, "SMALL", small)
         makers = set()
-        met = threading.Barrier(3, timeout=30)
 
         def inverted(t: int) -> np.ndarray:
             makers.add(threading.get_ident())
-            if write.SMALL == 1 and t < 3:
+            if threads == 3 and t < 3:
                 met.wait()  # three are at work at once
             return 255 - view.rgb(t)
 
         edited = {**episode.views, name: replace(view, rgb=inverted)}
         out = tmp_path / str(small)
         RLBench().write(replace(episode, views=edited), out, KEY, dict)
-        assert len(makers) == (3 if small == 1 else 1)
-        written.append({str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*.png")})
-    assert written[0] == written[1]
+        assert len(makers) == threads
+        return {str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*.png")}
+
+    assert written(write.SMALL, 1) == written(1, 3)
 
 
 def test_a_moved_camera_is_the_only_new_matrix(dataset: Path, tmp_path: Path) -> None:
