@@ -28,7 +28,8 @@ SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
 }
 """What of a sensor's fault an amount says, in which units, and from where on "up to" goes."""
 
-
+TIMES = "contrast", "saturation"
+"""What of what is displayed is so many times as recorded."""
 AFTER = {
     *SENSED,
     "little",
@@ -289,7 +290,7 @@ def _direction(clause: Clause, namer: Namer, notes: list[str]) -> Entry:
 
 def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     """Noise, blur, compression and exposure of the images: of all cameras, or of those that are named."""
-    exposed = clause.has("stops", "exposure", "gamma", "flicker") or "expos" in clause.text
+    exposed = clause.has("stops", "exposure", "gamma", "flicker", *TIMES) or "expos" in clause.text
     exposed |= clause.has("darker", "brighter") and clause.has("image")
     kind = next((one for one in SENSED if clause.has(one)), "exposure" if exposed else None)
     surface = kind in ("blur", "noise") and clause.has("color", "texture", "lay")
@@ -325,6 +326,10 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     told = _same_cameras(clause, wish, edit)
     mild = bool(clause.every("little"))
     if kind == "exposure":
+        times = next((one for one in TIMES if clause.has(one)), None)
+        if times and not clause.has("stops", "exposure", "gamma"):
+            found = _times(clause, times, mild)
+            return Meant(edits=(edit | found.edits[0],), notes=(*found.notes, *told))
         found = (_flicker if clause.has("flicker") else _exposure)(clause, edit, mild)
         return found.model_copy(update={"notes": (*found.notes, *told)})
     clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
@@ -355,6 +360,35 @@ def _same_cameras(clause: Clause, wish: Wish, edit: Entry) -> list[str]:
         return []
     edit["cameras"] = last["cameras"]
     return [f"{clause.text!r} is taken as said of {', '.join(last['cameras'])}"]
+
+
+def _times(clause: Clause, name: str, mild: bool) -> Meant:
+    """Contrast or saturation, by how much it changes or what it becomes, as recorded being 1."""
+    varied = clause.has("vary")
+    clause.every("thing", "image", "all", "add", "much", "vary", "light", name)
+    less = bool(clause.every("less", "down")) or clause.says("less", "desaturate", "desaturated")
+    more = bool(clause.every("more", "up")) or clause.says("more", "stronger")
+    reached = any(one.kind == "to" and one.text == "to" for one in clause.tokens)
+    told, times = clause.single("share"), clause.single("number")
+    if (less and more) or (told and times) or (times and clause.says("by")):
+        raise NotUnderstood(f"{clause.text!r}: more or less {name}, and by how much?")
+    amount = (told or times or [Amount(*((0.1, 0.2) if mild else (0.2, 0.5)))])[0]
+    low, high = (0.0 if amount.how == "upto" else amount.low), amount.high
+    if times or reached or (told and amount.how == "range" and not (less or more)):
+        ends = [amount.low, amount.high]
+    elif less or more:
+        ends = [1 - high, 1 - low] if less else [1 + low, 1 + high]
+    elif not told or varied or amount.how in ("about", "upto"):
+        ends = [1 - high, 1 + high]
+    else:
+        raise NotUnderstood(f"{clause.text!r}: to that share of what is recorded, or by it?")
+    if ends[0] < 0 or (less and ends[1] > 1) or (more and ends[0] < 1):
+        raise NotUnderstood(f"{clause.text!r}: {name} of {ends[0]:g} to {ends[1]:g} times?")
+    ends = [tidy(one) for one in ends]
+    notes = (
+        () if told or times else (f"{ends[0]:g} to {ends[1]:g} times, since no amount was named",)
+    )
+    return Meant(edits=({"stops": [0, 0], name: ends},), notes=notes)
 
 
 def _flicker(clause: Clause, edit: Entry, mild: bool) -> Meant:

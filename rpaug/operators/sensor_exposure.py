@@ -15,19 +15,23 @@ from rpaug.operators.sensing import Sensing
 
 Factor = Annotated[float, Field(gt=0, le=8)]
 Factors = tuple[Factor, Factor, Factor]
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 @dataclass(frozen=True)
 class Exposure:
     """Twice the light for each of `stops`, times `gains` of red, green and blue, clipped where the display ends.
 
-    What is displayed (0..1) is then raised to `gamma`: above 1 the middle tones are darker. Each frame is up to
-    `flicker` stops off, evenly.
+    What is displayed (0..1) is then raised to `gamma`: above 1 the middle tones are darker. Its distance from a half is
+    taken `contrast` times, then a color's distance from the gray of its luma (ITU-R BT.601) `saturation` times. Each
+    frame is up to `flicker` stops off, evenly.
     """
 
     stops: float
     gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gamma: float = 1.0
+    contrast: float = 1.0
+    saturation: float = 1.0
     flicker: float = 0.0
     seed: int = 0
     cameras: tuple[str, ...] | None = None
@@ -36,13 +40,19 @@ class Exposure:
         self, image: UInt8[np.ndarray, "h w 3"], rng: np.random.Generator
     ) -> UInt8[np.ndarray, "h w 3"]:
         off = rng.uniform(-self.flicker, self.flicker) if self.flicker else 0.0
-        return np.take_along_axis(self._table(off), image.reshape(-1, 3), 0).reshape(image.shape)
+        shown = np.take_along_axis(self._table(off), image.reshape(-1, 3), 0).reshape(image.shape)
+        if self.saturation == 1:
+            return shown
+        gray = shown @ LUMA
+        apart = self.saturation * (shown - gray[..., None])
+        return np.clip(np.rint(gray[..., None] + apart), 0, 255).astype(np.uint8)
 
     def _table(self, off: float) -> UInt8[np.ndarray, "256 3"]:
         """What each level is displayed as where a frame is so many stops off."""
         light = color_space.to_linear(np.arange(256) / 255.0)[:, None] * 2.0 ** (self.stops + off)
         shown = np.clip(color_space.from_linear(light * np.array(self.gains)), 0, 1)
-        return np.rint(255 * shown**self.gamma).astype(np.uint8)
+        apart = self.contrast * (shown**self.gamma - 0.5)
+        return np.rint(255 * np.clip(0.5 + apart, 0, 1)).astype(np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,13 +60,16 @@ class SensorExposure(Sensing):
     """Draw the change in stops (photographic doublings of light) from `stops`; all frames get the same.
 
     `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it: between two numbers,
-    or between two of each channel's own. `gamma` is the power to which what is displayed is raised. `flicker` draws by
-    how many stops frames are off at most: lamps on mains, which every camera meets at another moment in every frame.
+    or between two of each channel's own. `gamma` is the power to which what is displayed is raised; `contrast` and
+    `saturation` are times as recorded, of what is displayed, a saturation of 0 is gray. `flicker` draws by how many
+    stops frames are off at most: lamps on mains, which every camera meets at another moment in every frame.
     """
 
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
     gain: Interval[Factor] | tuple[Factors, Factors] = (1.0, 1.0)
     gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
+    contrast: Interval[Annotated[float, Field(ge=0, le=8)]] = (1.0, 1.0)
+    saturation: Interval[Annotated[float, Field(ge=0, le=8)]] = (1.0, 1.0)
     flicker: Interval[Annotated[float, Field(ge=0, le=4)]] = (0.0, 0.0)
 
     makes: ClassVar = Exposure
@@ -64,6 +77,8 @@ class SensorExposure(Sensing):
         "exposure": "exposure, exposures, overexpose, overexposed, underexpose, underexposed",
         "gain": "white balance gain, white balance gains, gains, gain",
         "gamma": "gamma",
+        "contrast": "contrast, contrasts, image contrast, contrasty",
+        "saturation": "saturation, saturations, color saturation, saturated, desaturate, desaturated",
         "flicker": "flicker, flickers, flickering, mains flicker, light flicker, simulate flicker, "
         "simulate mains flicker, from frame to frame, frame to frame, frame by frame, between frames, per frame, "
         "from one frame to the next",
@@ -79,9 +94,10 @@ class SensorExposure(Sensing):
             "a bluish cast in the wrist camera alone",
             {"stops": [0, 0], "gain": [[0.9, 1, 1.15], [0.9, 1, 1.15]], "cameras": ["wrist"]},
         ),
+        ("colors of half to full strength", {"stops": [0, 0], "saturation": [0.5, 1]}),
         ("flickering lights", {"stops": [0, 0], "flicker": [0.2, 0.5]}),
     )
-    undone_as: ClassVar[tuple[str, ...]] = ("exposure", "flicker")
+    undone_as: ClassVar[tuple[str, ...]] = ("exposure", "flicker", "contrast", "saturation")
     settles: ClassVar[str] = "sensor exposure"
 
     def __post_init__(self) -> None:
@@ -94,8 +110,9 @@ class SensorExposure(Sensing):
         if self.gain != (1, 1):
             low, high = np.array(self.gain)
             drawn["gains"] = rng.uniform(low, high, 3).tolist()
-        if self.gamma != (1, 1):
-            drawn["gamma"] = float(rng.uniform(*self.gamma))
+        for name in ("gamma", "contrast", "saturation"):
+            if (ends := getattr(self, name)) != (1, 1):
+                drawn[name] = float(rng.uniform(*ends))
         if self.flicker[1] > 0:
             drawn["flicker"], drawn["seed"] = float(rng.uniform(*self.flicker)), seed(rng)
         return drawn

@@ -9,7 +9,7 @@ from rpaug.language.rounds import said_after
 
 SETTING = WishContext(cameras=("front", "wrist"), instructions=("put the can into the bin",))
 BLUE: dict[str, Any] = {"op": "recolor", "target": "red can", "color": "blue"}
-FLICKER: dict[str, Any] = {"op": "sensor_exposure", "stops": [0, 0]}
+DISPLAYED: dict[str, Any] = {"op": "sensor_exposure", "stops": [0, 0]}
 PASTEL: dict[str, Any] = {"hsv": [[0, 360], [0.15, 0.45], [0.85, 1]]}
 
 
@@ -78,11 +78,22 @@ def edits(wish: str) -> list[dict[str, Any]]:
             "turn the front camera 10 degrees to the left and 5 cm up",
             [{"op": "camera_pose", "camera": "front", "by": [0, -0.05, 0], "turned": [0, -0.1745, 0]}],
         ),
-        ("make the lights flicker", [FLICKER | {"flicker": [0.1, 0.5]}]),
-        ("the lamps flicker by up to half a stop", [FLICKER | {"flicker": [0, 0.5]}]),
-        ("flickering light, up to 20%", [FLICKER | {"flicker": [0, 0.263]}]),
-        ("vary the brightness from frame to frame", [FLICKER | {"flicker": [0.1, 0.5]}]),
-        ("slight flicker in the wrist camera", [FLICKER | {"cameras": ["wrist"], "flicker": [0.1, 0.2]}]),
+        ("make the lights flicker", [DISPLAYED | {"flicker": [0.1, 0.5]}]),
+        ("the lamps flicker by up to half a stop", [DISPLAYED | {"flicker": [0, 0.5]}]),
+        ("flickering light, up to 20%", [DISPLAYED | {"flicker": [0, 0.263]}]),
+        ("vary the brightness from frame to frame", [DISPLAYED | {"flicker": [0.1, 0.5]}]),
+        ("slight flicker in the wrist camera", [DISPLAYED | {"cameras": ["wrist"], "flicker": [0.1, 0.2]}]),
+        ("more contrast", [DISPLAYED | {"contrast": [1.2, 1.5]}]),
+        ("vary the contrast by 20%", [DISPLAYED | {"contrast": [0.8, 1.2]}]),
+        ("randomize contrast from 0.8 to 1.2", [DISPLAYED | {"contrast": [0.8, 1.2]}]),
+        ("increase the contrast of the images by 20%", [DISPLAYED | {"contrast": [1.2, 1.2]}]),
+        ("reduce the contrast to 70%", [DISPLAYED | {"contrast": [0.7, 0.7]}]),
+        ("lower the saturation of the images", [DISPLAYED | {"saturation": [0.5, 0.8]}]),
+        ("saturation ±30%", [DISPLAYED | {"saturation": [0.7, 1.3]}]),
+        (
+            "less contrast in the wrist camera",
+            [DISPLAYED | {"cameras": ["wrist"], "contrast": [0.5, 0.8]}],
+        ),
         ("noise per frame", [{"op": "sensor_noise"}]),
         ("strong light", [{"op": "light_color", "brightness": [1.6, 1.6]}]),
         ("white can: make it 20% larger", [{"op": "object_size", "target": "white can", "range": [1.2, 1.2]}]),
@@ -188,6 +199,12 @@ def test_harder_to_see_is_taken_as_dimmer_light_and_told() -> None:
         "recolor the can per frame",
         "the light gets darker from frame to frame",
         "flicker the can",
+        "contrast 80%",
+        "lower contrast by 0.2",
+        "more contrast 0.5",
+        "decrease contrast by 150%",
+        "make the can more saturated",
+        "one stop darker and more contrast",
         "flicker by 0.2 stops, or 20%",
         "lights flicker in red",
     ],

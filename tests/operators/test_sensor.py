@@ -146,6 +146,24 @@ def test_a_gain_may_be_each_channels_own() -> None:
     assert 1.1 < blue < 1.2
 
 
+def test_contrast_leaves_the_middle_and_saturation_the_luma() -> None:
+    image = RNG.integers(0, 256, (40, 40, 3)).astype(np.uint8)
+    flat = Exposure(0.0, contrast=0.5)(image, RNG).astype(float)
+    np.testing.assert_allclose(flat - 127.5, 0.5 * (image - 127.5), atol=1)
+    assert np.array_equal(Exposure(0.0, contrast=1.0, saturation=1.0)(image, RNG), image)
+    gray = Exposure(0.0, saturation=0.0)(image, RNG)
+    assert (gray == gray[..., :1]).all()
+    mild = RNG.integers(90, 160, (40, 40, 3)).astype(np.uint8)
+    luma = np.array([0.299, 0.587, 0.114])
+    vivid = Exposure(0.0, saturation=1.5)(mild, RNG)
+    np.testing.assert_allclose(vivid @ luma, mild @ luma, atol=1)
+    apart = mild - (mild @ luma)[..., None]
+    np.testing.assert_allclose(vivid - (mild @ luma)[..., None], 1.5 * apart, atol=1)
+    drawn = SensorExposure(contrast=(0.8, 1.2), saturation=(0, 0)).draw(np.random.default_rng(0))
+    assert drawn["saturation"] == 0
+    assert 0.8 < drawn["contrast"] < 1.2
+
+
 def test_flicker_puts_each_frame_of_each_camera_off_by_its_own() -> None:
     from rpaug.core.color_space import to_linear
 
@@ -193,6 +211,8 @@ def test_a_smear_spreads_a_point_along_its_direction() -> None:
         (SensorExposure, {"stops": [1, -1]}),
         (SensorExposure, {"gain": [[1, 1, 1], [1, 0.9, 1]]}),
         (SensorExposure, {"flicker": [-0.1, 0.1]}),
+        (SensorExposure, {"contrast": [1.2, 0.8]}),
+        (SensorExposure, {"saturation": [-1, 1]}),
     ],
 )
 def test_senseless_fields_are_refused(kind: type, fields: dict) -> None:
