@@ -15,6 +15,7 @@ from rpaug.operators.sensing import Sensing
 
 Factor = Annotated[float, Field(gt=0, le=8)]
 Factors = tuple[Factor, Factor, Factor]
+FAINTEST = 0.25  # times as recorded: fainter colors would not be told by an instruction's words
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 
 
@@ -61,15 +62,15 @@ class SensorExposure(Sensing):
 
     `gain` draws a factor of light for red, green and blue each, as a wrong white balance has it: between two numbers,
     or between two of each channel's own. `gamma` is the power to which what is displayed is raised; `contrast` and
-    `saturation` are times as recorded, of what is displayed, a saturation of 0 is gray. `flicker` draws by how many
-    stops frames are off at most: lamps on mains, which every camera meets at another moment in every frame.
+    `saturation` are times as recorded, of what is displayed. `flicker` draws by how many stops frames are off at most:
+    lamps on mains, which every camera meets at another moment in every frame.
     """
 
     stops: Interval[Annotated[float, Field(ge=-8, le=8)]] = (-1.0, 1.0)
     gain: Interval[Factor] | tuple[Factors, Factors] = (1.0, 1.0)
     gamma: Interval[Annotated[float, Field(ge=0.1, le=10)]] = (1.0, 1.0)
-    contrast: Interval[Annotated[float, Field(ge=0, le=8)]] = (1.0, 1.0)
-    saturation: Interval[Annotated[float, Field(ge=0, le=8)]] = (1.0, 1.0)
+    contrast: Interval[Annotated[float, Field(ge=FAINTEST, le=8)]] = (1.0, 1.0)
+    saturation: Interval[Annotated[float, Field(ge=FAINTEST, le=8)]] = (1.0, 1.0)
     flicker: Interval[Annotated[float, Field(ge=0, le=4)]] = (0.0, 0.0)
 
     makes: ClassVar = Exposure
