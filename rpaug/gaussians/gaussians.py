@@ -36,10 +36,8 @@ class LiftedImage:
 
 def lifted(picture: LiftedImage, spacing: float = 1.0) -> Gaussians:
     """One Gaussian in world coordinates for each used pixel, `spacing` pixels apart from the next one used."""
-    shape = (*picture.depth.shape, 3)
-    points, normals = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    pose = np.ascontiguousarray(picture.cam_to_world)
-    lift(picture.depth, picture.ids, np.ascontiguousarray(picture.K), pose, points, normals)
+    pose = picture.cam_to_world
+    points, normals = lift(picture.depth, picture.ids, picture.K, pose)
     use = picture.use & (picture.depth > 0) & np.isfinite(picture.depth)
     at, z = points[use].astype(np.float64), picture.depth[use].astype(np.float64)
     sight = at - pose[:3, 3]

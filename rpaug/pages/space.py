@@ -170,9 +170,8 @@ def _discs(view: CameraView, t: int, stride: int) -> Cloud:
     if view.ids is not None:
         ids = np.ascontiguousarray(view.ids(t)[::stride, ::stride], np.int32)
     pose = view.camera.cam_to_world[t]
-    points, normals = (np.zeros((*depth.shape, 3), np.float32) for _ in range(2))
     K = np.diag([1 / stride, 1 / stride, 1.0]) @ view.camera.K
-    sampled_frames.lift(depth, ids, K, pose, points, normals)
+    points, normals = sampled_frames.lift(depth, ids, K, pose)
     known = depth > 0
     points, normals = points[known], normals[known]
     away = (points - pose[:3, 3]).astype(np.float32)

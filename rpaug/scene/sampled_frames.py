@@ -1,8 +1,8 @@
-"""A few frames of an episode, decoded once: depth, instance ids and surface normals of every camera."""
+"""A few frames of an episode, decoded once: depth, instance ids and world points of every camera."""
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int, Int32
@@ -21,9 +21,8 @@ THREADS = 2
 class SampledFrames:
     """Images of `frames` (ascending) from the cameras that have depth and instance ids, thinned to one size.
 
-    Where a camera's image is smaller than the others it is padded: depth 0, instance id -1. `normals` are unit
-    vectors in the world, from neighbours of the same instance id only; zero where there is none. `points` are
-    world points. `fixed[c]` tells whether camera c stands still.
+    Where a camera's image is smaller than the others it is padded: depth 0, instance id -1. `points` are world points.
+    `fixed[c]` tells whether camera c stands still.
     """
 
     frames: Int[np.ndarray, "s"]
@@ -34,13 +33,36 @@ class SampledFrames:
     depth: Float32[np.ndarray, "s c h w"]
     ids: Int32[np.ndarray, "s c h w"]
     points: Float32[np.ndarray, "s c h w 3"]
-    normals: Float32[np.ndarray, "s c h w 3"]
 
     @property
     def instance_ids(self) -> Int32[np.ndarray, "n"]:
         """Every instance id seen, ascending; 0 is not one."""
         found = np.unique(self.ids)
         return found[found > 0]
+
+    def normals_at(
+        self,
+        s: Int[np.ndarray, "n"],
+        c: Int[np.ndarray, "n"],
+        row: Int[np.ndarray, "n"],
+        column: Int[np.ndarray, "n"],
+    ) -> Float32[np.ndarray, "n 3"]:
+        """Unit normals in the world of the pixels at `row`, `column` of camera c's image of frame number s, from
+        neighbours of the same instance id only; zero where there is none."""
+        return _normals_at(self.depth, self.ids, self.points, s, c, row, column)
+
+
+@dataclass(frozen=True)
+class FacingFrames(SampledFrames):
+    """The same with the `normals` of all pixels: as many bytes as their points, so they go with what asks for them."""
+
+    normals: Float32[np.ndarray, "s c h w 3"]
+
+
+def facing(sampled: SampledFrames) -> FacingFrames:
+    """Frames with the normals of all pixels."""
+    held = {field.name: getattr(sampled, field.name) for field in fields(SampledFrames)}
+    return FacingFrames(**held, normals=_normals(sampled.depth, sampled.ids, sampled.points))
 
 
 def events(gripper_open: Float64[np.ndarray, "t"] | None) -> Int[np.ndarray, "e"]:
@@ -88,7 +110,7 @@ def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> SampledFrames:
     depth, ids = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
     K = np.zeros((len(names), 3, 3))
     poses = np.zeros((len(chosen), len(names), 4, 4))
-    points, normals = np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3), np.float32)
+    points = np.zeros((*shape, 3), np.float32)
     for c, (camera, step) in enumerate(zip(cameras, steps, strict=True)):
         # Integer pixel centres: every step-th pixel is the image of a camera with K / step, exactly.
         K[c] = np.diag([1 / step, 1 / step, 1.0]) @ camera.K
@@ -101,22 +123,36 @@ def _decoded(episode: Episode, chosen: Int[np.ndarray, "s"]) -> SampledFrames:
         near = view.depth(t)[::step, ::step]
         depth[s, c, : near.shape[0], : near.shape[1]] = np.nan_to_num(near, posinf=0.0, neginf=0.0)
         ids[s, c, : near.shape[0], : near.shape[1]] = view.ids(t)[::step, ::step]
-        lift(depth[s, c], ids[s, c], K[c], poses[s, c], points[s, c], normals[s, c])
+        _lift(depth[s, c], K[c], poses[s, c], points[s, c])
 
     images = np.indices(shape[:2]).reshape(2, -1).tolist()
     with ThreadPoolExecutor(THREADS) as pool:  # decoding and lifting release the interpreter
         for done, _ in enumerate(pool.map(fill, *images)):
             told(episode.key, "looking at frames", done + 1, len(images[0]))
     fixed = np.array([camera.fixed for camera in cameras], bool)
-    return SampledFrames(chosen, names, fixed, K, poses, depth, ids, points, normals)
+    return SampledFrames(chosen, names, fixed, K, poses, depth, ids, points)
+
+
+def lift(
+    depth: Float32[np.ndarray, "h w"],
+    ids: Int32[np.ndarray, "h w"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w 3"]]:
+    """World points and unit normals (zero where unknown) of one image."""
+    points = np.zeros((*depth.shape, 3), np.float32)
+    _lift(depth, np.ascontiguousarray(K), np.ascontiguousarray(pose), points)
+    return points, _normals(depth[None, None], ids[None, None], points[None, None])[0, 0]
 
 
 @kernel
-def lift(depth, ids, K, pose, points, normals):
-    """Fill world points and unit normals (zero where unknown) of one image, both (h, w, 3).
-
-    Normals are one-sided: the smaller of the two differences wins, within one instance id.
-    """
+def _lift(
+    depth: Float32[np.ndarray, "h w"],
+    K: Float64[np.ndarray, "3 3"],
+    pose: Float64[np.ndarray, "4 4"],
+    points: Float32[np.ndarray, "h w 3"],
+) -> None:
+    """Fill the world points of one image."""
     height, width = depth.shape
     for r in range(height):
         for c in range(width):
@@ -124,20 +160,51 @@ def lift(depth, ids, K, pose, points, normals):
             x, y = (c - K[0, 2]) / K[0, 0] * z, (r - K[1, 2]) / K[1, 1] * z
             for i in range(3):
                 points[r, c, i] = pose[i, 3] + (pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z)
-    step = np.zeros((2, 3))
-    for r in range(height):
-        for c in range(width):
-            if not depth[r, c] > 0:
-                continue
-            if _steps(depth, ids, points, r, c, step):
-                n0 = step[1, 1] * step[0, 2] - step[1, 2] * step[0, 1]
-                n1 = step[1, 2] * step[0, 0] - step[1, 0] * step[0, 2]
-                n2 = step[1, 0] * step[0, 1] - step[1, 1] * step[0, 0]
-                length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-                if length > 0:
-                    normals[r, c, 0] = n0 / length
-                    normals[r, c, 1] = n1 / length
-                    normals[r, c, 2] = n2 / length
+
+
+@kernel
+def _normals(
+    depth: Float32[np.ndarray, "s c h w"],
+    ids: Int32[np.ndarray, "s c h w"],
+    points: Float32[np.ndarray, "s c h w 3"],
+) -> Float32[np.ndarray, "s c h w 3"]:
+    out, step = np.zeros(points.shape, np.float32), np.zeros((2, 3))
+    for s in range(depth.shape[0]):
+        for c in range(depth.shape[1]):
+            near, own, lifted = depth[s, c], ids[s, c], points[s, c]
+            for row in range(near.shape[0]):
+                for column in range(near.shape[1]):
+                    _normal(near, own, lifted, row, column, step, out[s, c, row, column])
+    return out
+
+
+@kernel
+def _normals_at(
+    depth: Float32[np.ndarray, "s c h w"],
+    ids: Int32[np.ndarray, "s c h w"],
+    points: Float32[np.ndarray, "s c h w 3"],
+    frame: Int[np.ndarray, "n"],
+    camera: Int[np.ndarray, "n"],
+    row: Int[np.ndarray, "n"],
+    column: Int[np.ndarray, "n"],
+) -> Float32[np.ndarray, "n 3"]:
+    out, step = np.zeros((len(row), 3), np.float32), np.zeros((2, 3))
+    for n in range(len(row)):
+        s, c = frame[n], camera[n]
+        _normal(depth[s, c], ids[s, c], points[s, c], row[n], column[n], step, out[n])
+    return out
+
+
+@inlined
+def _normal(depth, ids, points, r, c, step, out):
+    """Fill a pixel's normal, one-sided: across and down the smaller of the two differences wins."""
+    if depth[r, c] > 0 and _steps(depth, ids, points, r, c, step):
+        n0 = step[1, 1] * step[0, 2] - step[1, 2] * step[0, 1]
+        n1 = step[1, 2] * step[0, 0] - step[1, 0] * step[0, 2]
+        n2 = step[1, 0] * step[0, 1] - step[1, 1] * step[0, 0]
+        length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        if length > 0:
+            out[0], out[1], out[2] = n0 / length, n1 / length, n2 / length
 
 
 @inlined

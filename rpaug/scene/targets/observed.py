@@ -53,7 +53,7 @@ def surface(
     s, c, r, k = np.unravel_index(flat[:: max(1, -(-len(flat) // most))], sampled.ids.shape)
     back = np.linalg.inv(body.to_world[sampled.frames[s]])
     points = np.einsum("nij,nj->ni", back[:, :3, :3], sampled.points[s, c, r, k]) + back[:, :3, 3]
-    return points, np.einsum("nij,nj->ni", back[:, :3, :3], sampled.normals[s, c, r, k])
+    return points, np.einsum("nij,nj->ni", back[:, :3, :3], sampled.normals_at(s, c, r, k))
 
 
 @dataclass(frozen=True)

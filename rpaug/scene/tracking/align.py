@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from rpaug.core import geometry
-from rpaug.scene.sampled_frames import SampledFrames
+from rpaug.scene.sampled_frames import FacingFrames
 from rpaug.scene.tracking import evidence
 
 ROUNDS = 12
@@ -18,7 +18,7 @@ def align(
     points: Float64[np.ndarray, "k 3"],
     trust: Float64[np.ndarray, "k"],
     guess: Float64[np.ndarray, "4 4"],
-    sampled: SampledFrames,
+    sampled: FacingFrames,
     s: int,
     instance_id: int,
     *,

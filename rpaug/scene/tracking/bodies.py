@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float64, Int
 
 from rpaug.core import geometry
 from rpaug.core.types import Body, Episode
-from rpaug.scene.sampled_frames import SampledFrames, events, look
+from rpaug.scene.sampled_frames import SampledFrames, events, facing, look
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.arms import KNOWN, Kinematics, link_tracks
 from rpaug.scene.tracking.chain import OFTEN, ChainPosition, places
@@ -75,7 +75,7 @@ def track(
     images, alignment by depth. What cannot be told (one frame only, nothing seen twice) is called static and
     `ambiguous`. Without depth or instance ids there is no body.
     """
-    sampled = look(episode) if sampled is None else sampled
+    sampled = facing(look(episode) if sampled is None else sampled)
     instance_ids = sampled.instance_ids
     if not len(instance_ids):
         return ()

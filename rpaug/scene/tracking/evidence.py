@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int
 
 from rpaug.core.jit import kernel
-from rpaug.scene.sampled_frames import SampledFrames
+from rpaug.scene.sampled_frames import FacingFrames
 
 TRUST = 0.2  # weight of a moving camera's point
 CAP = 0.02  # metres: a point that is further off says no more than that the motion is wrong
@@ -42,9 +42,7 @@ class Samples:
         return self.points[s][first:last], int(middle - first)
 
 
-def draw(
-    sampled: SampledFrames, instance_ids: Int[np.ndarray, "n"], most: int = SAMPLES
-) -> Samples:
+def draw(sampled: FacingFrames, instance_ids: Int[np.ndarray, "n"], most: int = SAMPLES) -> Samples:
     """At most `most` points per instance, frame and kind of camera (fixed, moving)."""
     points, offsets, counts = [], [], []
     for s in range(len(sampled.frames)):
@@ -65,7 +63,7 @@ def judge(
     points: Float64[np.ndarray, "k 3"],
     still: int,
     motions: Float64[np.ndarray, "m 4 4"],
-    sampled: SampledFrames,
+    sampled: FacingFrames,
     s: int,
     instance_id: int,
 ) -> Float64[np.ndarray, "m 2 2"]:
@@ -81,7 +79,7 @@ def judge(
 def distances(
     points: Float64[np.ndarray, "k 3"],
     motion: Float64[np.ndarray, "4 4"],
-    sampled: SampledFrames,
+    sampled: FacingFrames,
     s: int,
     instance_id: int,
 ) -> tuple[Float64[np.ndarray, "k"], Float64[np.ndarray, "k 3"], Float64[np.ndarray, "k 3"]]:
@@ -111,7 +109,7 @@ def mean(
     )
 
 
-def _frame(sampled: SampledFrames, s: int) -> Any:
+def _frame(sampled: FacingFrames, s: int) -> Any:
     return (
         sampled.fixed, sampled.K, sampled.cam_to_world[s], sampled.depth[s], sampled.ids[s], sampled.points[s],
         sampled.normals[s],

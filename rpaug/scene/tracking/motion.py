@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 from rpaug.core import geometry
-from rpaug.scene.sampled_frames import SampledFrames
+from rpaug.scene.sampled_frames import FacingFrames
 from rpaug.scene.tracking import evidence
 from rpaug.scene.tracking.align import between
 
@@ -33,7 +33,7 @@ class TrackedInstance:
 
     number: int
     instance_id: int
-    sampled: SampledFrames
+    sampled: FacingFrames
     samples: evidence.Samples
     seen: Int[np.ndarray, "n"]
     representations: Float64[np.ndarray, "m t 4 4"]
