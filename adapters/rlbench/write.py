@@ -33,9 +33,7 @@ NEAR, FAR = 0.01, 10.0
 Planes = list[tuple[float, float]]
 MOST_ID = 2**24 - 1  # in a mask of three channels
 THREADS = 1, 8  # that write frames: of small images or beside other workers, and alone at most
-SMALL = (
-    2**15
-)  # pixels: with fewer, threads wait longer for the interpreter than they work outside of it
+SMALL = 2**15  # pixels: below, threads wait for the interpreter longer than they work without it
 OLD_NUMPY_LACKS = b"numpy._core"  # RVT and RLBench run numpy <= 1.24
 Image = Callable[[int], np.ndarray]
 IMAGES = [
