@@ -20,6 +20,8 @@ COLOSSEUM: tuple[RGB, RGB] = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
 Kelvin = Annotated[float, Field(ge=black_body.COLDEST, le=black_body.HOTTEST)]
 Times = Annotated[float, Field(gt=0, le=4)]
 MIRED = 1e6  # over kelvin
+WHITE = "lights are dimmer than drawn, since white would be cut off"
+DIMMED = 0.95  # times as bright as drawn: less is told
 
 
 @dataclass(frozen=True)
@@ -162,16 +164,21 @@ class LightColor(Operator):
         exposed = any(view.proxy is not None for view in scene.episode.views.values())
         if exposed and not self._natural and self._drawn:
             color = color * light.LAMP / np.mean(self.range)
+        held = 1.0
         if (exposed or self._natural) and self._drawn:
-            color = color * min(1.0, light.headroom(scene.episode) / np.max(color / recorded))
+            held = min(held, float(light.headroom(scene.episode) / np.max(color / recorded)))
+        color = held * color
         gain = self.ambient + (1 - self.ambient) * color / recorded
         edit = {
             "color": color.tolist(),
             "recorded": recorded.tolist(),
             "gain": gain.tolist(),
             "unlit": list(light.unlit(scene.episode)),
-        }
+        } | ({"held_back": held} if held < 1 else {})
         return edit if self.lamp is None else edit | self._chosen(scene, self.lamp)
+
+    def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
+        return {WHITE: (int(edit.get("held_back", 1.0) < DIMMED), 1)}
 
     def _lamp(
         self, recorded: Float64[np.ndarray, "3"], rng: np.random.Generator

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
+import numpy as np
+
 from rpaug import instruct
 from rpaug.compose import views
 from rpaug.core import devices, progress
@@ -156,22 +158,30 @@ class Made:
             return doubts
         total = f"{len(missing)} of {len(missing) + self.episode.length} frames"
         lacking = f"({spans(missing)}) have no camera pose and go without {', '.join(placed)}"
+        lacking += ": there these vanish, even in full view"
         return (f"{total} {lacking}", *doubts)
 
     @property
     def uneven(self) -> tuple[str, ...]:
-        """In which frames hardly anything changed though much did in one beside them, where instances were worked out.
-        Ask once all images were rendered."""
+        """Where what an edit paints has grown or shrunk at once, where instances were worked out. Ask once all images
+        were rendered."""
         times: Sequence[int] = getattr(self.scene.back, "times", range(self.episode.length))
         said = list[str]()
-        for name, view in self.scene.episode.views.items():
-            for t, without in self.tally.gaps(name).items() if view.inferred else ():
-                share = self.tally.changed[name, t] / self.tally.total[name, t]
-                frames = spans([times[k] for k in sorted(without)])
-                said.append(
-                    f"{name}: hardly anything changed in frames {frames}, and {share:.1%} of the pixels in frame"
-                    f" {times[t]} beside them: what is edited is hidden there, or was not found"
-                )
+        for camera, ids in self.tally.areas:
+            steps, jumps = self.tally.jumps(camera, ids)
+            if not jumps:
+                continue
+            named = f"{camera}: {', '.join(map(str, sorted(ids)))}"
+            worst, total = jumps[0], self.tally.total[camera, jumps[0].t]
+            where = (
+                f"between frames {times[worst.t]} and {times[worst.t + 1]}, from {worst.before / total:.1%} to"
+                f" {worst.after / total:.1%} of the pixels"
+            )
+            said.append(
+                f"{named} is seen to jump {where}: in one of them something else may be painted, or it left out"
+                if len(jumps) == 1
+                else f"{named} is seen to jump in {len(jumps)} of {steps} steps, most {where}: painted, it flickers"
+            )
         return tuple(said)
 
     @property
@@ -406,6 +416,7 @@ def render(
     shown, settled = (scene, settled) if untrue else _refined(scene, settled)
     new = [body.instance_ids for body in scene.bodies if body.mesh is not None or body.copy_of]
     tally = report.Tally(list(scene.episode.views), frozenset().union(*new))
+    painted = {one.instance_ids for one in scene.appearance if one.instance_ids}
     # Frames to be made: a view that asked its own episode for them would outlive its copy, in a cycle.
     every: list[int] = []
 
@@ -413,6 +424,10 @@ def render(
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
         progress.told(scene.episode.key, progress.FRAMES, len(tally.total), sum(every))
+        shows = scene.episode.views[camera]
+        if painted and shows.inferred and shows.ids is not None:
+            for some in painted:
+                tally.area(camera, t, some, int(np.isin(shows.ids(t), list(some)).sum()))
         if frame.ids is not None:
             tally.mask(camera, t, frame.ids)
         if frame.hole is not None:

@@ -22,8 +22,29 @@ NAME = "rpaug.json"
 HOLES = "rpaug_holes.npz"
 SUMMARY = "rpaug.summary.json"
 CONTACT_SHEET = "rpaug.contact.html"
-MUCH, LEAST = 0.25, 0.0005  # of the most that changes in any frame, and of a frame's pixels
-HARDLY = 0.1  # of what changes in the frame beside
+MUCH, LEAST = 0.25, 0.0005  # of the most that any frame shows, and of a frame's pixels
+AT_ONCE = 1.6  # times as large or as small as in the frame before
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Pixels that show something in frame t and in the one after."""
+
+    t: int
+    before: int
+    after: int
+
+    @property
+    def larger(self) -> int:
+        return max(self.before, self.after)
+
+    @property
+    def smaller(self) -> int:
+        return min(self.before, self.after)
+
+    @property
+    def times(self) -> float:
+        return self.larger / max(self.smaller, 1)
 
 
 @dataclass
@@ -43,6 +64,7 @@ class Tally:
     total: dict[tuple[str, int], int] = field(default_factory=dict)
     levels: dict[tuple[str, int], float] = field(default_factory=dict)
     outside: dict[tuple[str, int], int] = field(default_factory=dict)
+    areas: dict[tuple[str, frozenset[int]], dict[int, int]] = field(default_factory=dict)
     holes: dict[str, Bool[np.ndarray, "h w"]] = field(default_factory=dict)
     moving: dict[tuple[str, int], tuple[int, int]] = field(default_factory=dict)
     seconds: float = 0.0
@@ -109,22 +131,24 @@ class Tally:
             }
         return out
 
-    def gaps(self, camera: str) -> dict[int, list[int]]:
-        """Of a frame in which much changes, those just before or after it in which hardly anything does: what is
-        edited leaves an image by and by, unless it was not found."""
-        counts = {t: n for (name, t), n in self.changed.items() if name == camera}
-        much = MUCH * max(counts.values(), default=0)
-        out, told = dict[int, list[int]](), set[int]()
-        for t in sorted(
-            t for t, n in counts.items() if n > max(much, LEAST * self.total[camera, t])
-        ):
-            for step in (-1, 1):
-                k = t + step
-                while k in counts and counts[k] < HARDLY * counts[t] and k not in told:
-                    out.setdefault(t, []).append(k)
-                    told.add(k)
-                    k += step
-        return out
+    def area(self, camera: str, t: int, instance_ids: frozenset[int], pixels: int) -> None:
+        """Keep how many pixels of one frame show what one edit paints."""
+        with self.lock:
+            self.areas.setdefault((camera, instance_ids), {})[t] = pixels
+
+    def jumps(self, camera: str, instance_ids: frozenset[int]) -> tuple[int, list[Jump]]:
+        """How many pairs of neighbouring frames show what one edit paints, and those in which it has grown or shrunk at
+        once, the largest first: things do that by and by."""
+        areas = self.areas[camera, instance_ids]
+        most = MUCH * max(areas.values())
+        pairs = [Jump(t, areas[t], areas[t + 1]) for t in sorted(areas) if t + 1 in areas]
+        pairs = [one for one in pairs if one.before or one.after]
+        found = [
+            one
+            for one in pairs
+            if one.larger > max(most, LEAST * self.total[camera, one.t]) and one.times > AT_ONCE
+        ]
+        return len(pairs), sorted(found, key=lambda one: -one.larger + one.smaller)
 
     def hole_file(self) -> bytes:
         """All hole masks as a compressed `.npz` with fixed dates, so that the same masks give the same bytes."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpaug.core.errors import RpaugError
+from rpaug.core.sampling import spans
 from rpaug.core.types import Episode, Scene
 from rpaug.core.visible import quoted
 from rpaug.pipeline import copies, inputs, prepare
@@ -48,6 +49,8 @@ TRIED, LOOKED_AT = 4, 5  # draws that gates judge, and frames of each
 FEW = 3  # edits
 STATIC, REJECTED = "camera: static", "the gates, which check copies, would reject"
 SHADES = frozenset({"black", "gray", "silver", "white"})  # of them walls and shadows are too
+TABLE = "op: table_texture"
+ROUGH = "rough in videos: shade, glass and what moves over the table may stay or be painted; look at every frame"
 WIDTH = 118  # columns of a comment
 SEE = "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT."
 
@@ -131,7 +134,8 @@ def text(of: Tried, offers: Sequence[Offer], copies: int | None = None, asked: b
     lines = list[str]()
     copies = copies or (1 if "film" in of.described else COPIES)
     for one in offers:
-        lines += [line for note in one.notes for line in _comment(note, "  # ")]
+        rough = (ROUGH,) if "film" in of.described and TABLE in one.entry else ()
+        lines += [line for note in (*one.notes, *rough) for line in _comment(note, "  # ")]
         if one.reason is None:
             lines += [f"  # {one.words}", f"  - {one.entry}"]
         else:
@@ -197,7 +201,7 @@ def _by_instance(of: Tried) -> list[str]:
 
 def facts(of: Tried) -> list[str]:
     """What was found, in sentences."""
-    episode = of.episode
+    episode, film = of.episode, of.described.get("film", {})
     found = {role: one for role, one in of.described.get("roles", {}).items() if one["handles"]}
     roles = [
         f"{role}: {', '.join(map(str, one['handles']))}"
@@ -212,7 +216,23 @@ def facts(of: Tried) -> list[str]:
         f"Instances by role: {'; '.join(roles) or 'none were found'}.{doubts} `rpaug inspect` shows what they are, "
         + ("`{handle: N}` or " if of.lasting else "")
         + '`{text: "the red cup"}` names one.',
+        *_of_a_video(film),
     ]
+
+
+def _of_a_video(film: Mapping[str, Any]) -> Iterator[str]:
+    """What is to be known before minutes are spent: frames that edits leave out, and tables apart."""
+    if lost := film.get("passed_through"):
+        yield (
+            f"Frames {spans(lost)} have no camera pose: all but light_color and sensor edits vanish there, even in full"
+            " view."
+        )
+    if len(parts := film.get("pieces", ())) > 1:
+        told = "; ".join(f"{first} to {last}" for first, last in parts)
+        yield (
+            f"The video is in pieces (frames {told}) that are not set beside each other: what is put into one does not"
+            " show in the others; `near: {handle: N}` puts it beside something of a piece."
+        )
 
 
 def _lacking(episode: Episode, entry: str) -> str | None:

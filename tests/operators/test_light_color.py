@@ -35,6 +35,19 @@ def test_the_gain_is_new_over_recorded_plus_what_stays() -> None:
     assert np.allclose(edit["gain"], [0.75, 0.8, 0.9])
 
 
+def test_lights_that_are_held_back_from_white_are_told() -> None:
+    gray = (0.5, 0.5, 0.5)
+    bright = LightColor(brightness=(3.5, 3.9), recorded=gray)
+    edit = bright.sample(small(), np.random.default_rng(0))
+    assert edit["held_back"] < 0.95
+    assert max(edit["gain"]) < 3.5
+    assert list(bright.falls_short(edit).values()) == [(1, 1)]
+    dim = LightColor(brightness=(0.3, 0.5), recorded=gray)
+    edit = dim.sample(small(), np.random.default_rng(0))
+    assert "held_back" not in edit
+    assert list(dim.falls_short(edit).values()) == [(0, 1)]
+
+
 def test_a_lamp_is_as_warm_and_as_bright_as_asked() -> None:
     gray = (0.5, 0.5, 0.5)
     operator = LightColor(temperature=(2700, 3500), brightness=(0.6, 0.8), recorded=gray)

@@ -142,6 +142,12 @@ def test_of_a_video_one_copy_is_made_for_it_takes_minutes() -> None:
     episode, described = photographed()
     assert "copies: 4 " in written(episode, described)
     assert "copies: 1 " in written(episode, described | {"film": {}})
+    parts = {"passed_through": [39, 40, 52], "pieces": [[51, 120], [0, 38]]}
+    said = " ".join(written(episode, described | {"film": parts}).replace("# ", "").split())
+    assert "Frames 39 to 40, 52 have no camera pose: all but light_color and sensor edits" in said
+    assert "in pieces (frames 51 to 120; 0 to 38) that are not set beside each other" in said
+    assert "rough in videos" in said
+    assert "rough in videos" not in written(episode, described)
 
 
 def test_doubted_roles_are_not_listed_as_found() -> None:

@@ -52,7 +52,8 @@ def apart(spans: Sequence[Span]) -> tuple[str, ...]:
     if len(spans) < 2:
         return ()
     return (
-        f"what is put into one piece of the video (frames {_frames(spans)}) does not show in the others",
+        f"what is put into one piece of the video (frames {_frames(spans)}) does not show in the others; `near:"
+        " {handle: ID}` puts it beside something of a piece",
     )
 
 

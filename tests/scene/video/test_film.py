@@ -180,8 +180,9 @@ def test_what_unregistered_frames_go_without_is_said(made: VideoScene) -> None:
     plan = Plan(tier=0, representations={"ego": 0}, bodies=True)
     one = Made(scene.episode, scene, draws, plan, Tally(["ego"]))
     (said,) = one.lacking
-    assert (
-        said == "1 of 10 frames (8) have no camera pose and go without table_texture, distractors"
+    assert said == (
+        "1 of 10 frames (8) have no camera pose and go without table_texture, distractors: there these vanish, even in"
+        " full view"
     )
     assert replace(one, draws=draws[:1]).lacking == ()
 
