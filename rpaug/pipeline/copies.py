@@ -25,6 +25,7 @@ from rpaug.pipeline import gates as gating
 from rpaug.pipeline import plan as planning
 from rpaug.pipeline import report, self_check
 from rpaug.pipeline.recipe import Instructions, Option, Recipe, option
+from rpaug.scene.instances.jumps import jumps
 from rpaug.scene.recorded.surfels import Surfels
 from rpaug.scene.targets import survey
 
@@ -167,20 +168,20 @@ class Made:
         were rendered."""
         times: Sequence[int] = getattr(self.scene.back, "times", range(self.episode.length))
         said = list[str]()
-        for camera, ids in self.tally.areas:
-            steps, jumps = self.tally.jumps(camera, ids)
-            if not jumps:
+        for (camera, ids), areas in self.tally.areas.items():
+            total = self.tally.total[camera, next(iter(areas))]
+            steps, found = jumps({times[t]: pixels for t, pixels in areas.items()}, total)
+            if not found:
                 continue
-            named = f"{camera}: {', '.join(map(str, sorted(ids)))}"
-            worst, total = jumps[0], self.tally.total[camera, jumps[0].t]
+            named, worst = f"{camera}: {', '.join(map(str, sorted(ids)))}", found[0]
             where = (
-                f"between frames {times[worst.t]} and {times[worst.t + 1]}, from {worst.before / total:.1%} to"
-                f" {worst.after / total:.1%} of the pixels"
+                f"between frames {worst.t} and {worst.after}, from {worst.before_pixels / total:.1%} to"
+                f" {worst.after_pixels / total:.1%} of the pixels"
             )
             said.append(
                 f"{named} is seen to jump {where}: in one of them something else may be painted, or it left out"
-                if len(jumps) == 1
-                else f"{named} is seen to jump in {len(jumps)} of {steps} steps, most {where}: painted, it flickers"
+                if len(found) == 1
+                else f"{named} is seen to jump in {len(found)} of {steps} steps, most {where}: painted, it flickers"
             )
         return tuple(said)
 

@@ -4,7 +4,7 @@ A region is one body, or the background, in one camera. Its tier rises above the
 where the recipe states an accuracy, an error measured on the episode misses it, and the next tier should meet it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ from rpaug.core.types import Effect, Episode, Scene
 from rpaug.pipeline.recipe import Accuracy
 from rpaug.pipeline.residuals import Residual
 from rpaug.scene.placement.free_space import MARGIN
-from rpaug.scene.targets.targets import Target, find
+from rpaug.scene.targets.targets import BY_WORDS, Target, find
 
 TIERS = {0: "recorded pixels", 1: "surfels", 3: "Gaussians", 4: "Gaussians in space and time"}
 GEOMETRY = Effect.CAMERA | Effect.DEPTH | Effect.MASK | Effect.BODIES
@@ -308,6 +308,14 @@ def check_shown(operator: Operator, scene: Scene, edited: Scene) -> None:
             raise SourceLacks(
                 f"{name} would show what its images hide, and that takes depth, which this source lacks"
             )
+
+
+def check_steady(scene: Scene, edited: Scene) -> None:
+    """See that what an edit paints does not come and go from frame to frame of a video. Raises TargetError."""
+    unsteady: Callable[[frozenset[int]], str] = getattr(scene.back, "unsteady", lambda ids: "")
+    for one in edited.appearance[len(scene.appearance) :]:
+        if one.instance_ids and (why := unsteady(one.instance_ids)):
+            raise TargetError(f"{why}; {BY_WORDS}")
 
 
 def targets(operator: Operator) -> Iterator[Target]:

@@ -87,8 +87,10 @@ def _drawn(scene: Scene, option: Option) -> Any:
     """The edit's first draw. Raises TargetError, Unsupported."""
     planning.check(option.operator, scene)
     edit = json.loads(json.dumps(option.operator.sample(scene, np.random.default_rng(0))))
-    if planning.flat(scene):
-        planning.check_shown(option.operator, scene, option.operator.apply(scene, edit))
+    if planning.flat(scene) or scene.back:
+        edited = option.operator.apply(scene, edit)
+        planning.check_shown(option.operator, scene, edited)
+        planning.check_steady(scene, edited)
     return edit
 
 

@@ -22,29 +22,6 @@ NAME = "rpaug.json"
 HOLES = "rpaug_holes.npz"
 SUMMARY = "rpaug.summary.json"
 CONTACT_SHEET = "rpaug.contact.html"
-MUCH, LEAST = 0.25, 0.0005  # of the most that any frame shows, and of a frame's pixels
-AT_ONCE = 1.6  # times as large or as small as in the frame before
-
-
-@dataclass(frozen=True)
-class Jump:
-    """Pixels that show something in frame t and in the one after."""
-
-    t: int
-    before: int
-    after: int
-
-    @property
-    def larger(self) -> int:
-        return max(self.before, self.after)
-
-    @property
-    def smaller(self) -> int:
-        return min(self.before, self.after)
-
-    @property
-    def times(self) -> float:
-        return self.larger / max(self.smaller, 1)
 
 
 @dataclass
@@ -135,20 +112,6 @@ class Tally:
         """Keep how many pixels of one frame show what one edit paints."""
         with self.lock:
             self.areas.setdefault((camera, instance_ids), {})[t] = pixels
-
-    def jumps(self, camera: str, instance_ids: frozenset[int]) -> tuple[int, list[Jump]]:
-        """How many pairs of neighbouring frames show what one edit paints, and those in which it has grown or shrunk at
-        once, the largest first: things do that by and by."""
-        areas = self.areas[camera, instance_ids]
-        most = MUCH * max(areas.values())
-        pairs = [Jump(t, areas[t], areas[t + 1]) for t in sorted(areas) if t + 1 in areas]
-        pairs = [one for one in pairs if one.before or one.after]
-        found = [
-            one
-            for one in pairs
-            if one.larger > max(most, LEAST * self.total[camera, one.t]) and one.times > AT_ONCE
-        ]
-        return len(pairs), sorted(found, key=lambda one: -one.larger + one.smaller)
 
     def hole_file(self) -> bytes:
         """All hole masks as a compressed `.npz` with fixed dates, so that the same masks give the same bytes."""

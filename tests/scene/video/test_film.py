@@ -187,6 +187,24 @@ def test_what_unregistered_frames_go_without_is_said(made: VideoScene) -> None:
     assert replace(one, draws=draws[:1]).lacking == ()
 
 
+def test_what_comes_and_goes_is_told(made: VideoScene) -> None:
+    things = {h for one in made.instances.supports if one for h in one.instance_ids}
+    assert things
+    assert made.unsteady(things) == ""
+    blinking = replace(made)
+    counted = made._counted.copy()
+    one = min(things)
+    counted[1::2, sorted(things)] = 0
+    blinking.__dict__["_counted"] = counted
+    why = blinking.unsteady(things)
+    assert why.startswith(", ".join(map(str, sorted(things))) + " comes and goes")
+    assert "jumps in 8 of 8 steps" in why
+    assert "first between frames 0 and 1" in why
+    counted[:] = made._counted
+    counted[4, one] = 0
+    assert blinking.unsteady([one]) == ""  # two jumps are no flicker
+
+
 def test_inspect_names_the_handles_that_edits_go_by(
     made: VideoScene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""What is painted grows and shrinks by and by; where it jumps it was told wrongly, or not at all, in one frame."""
+"""A run says where what it paints jumps from one frame to the next; what comes and goes is refused."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from analytic import scene
 
+from rpaug import TargetError
 from rpaug.operators.light_color import Gain
 from rpaug.pipeline.copies import Made, render
-from rpaug.pipeline.plan import Plan
-from rpaug.pipeline.report import Jump, Tally
+from rpaug.pipeline.plan import Plan, check_steady
+from rpaug.pipeline.report import Tally
 
 PAD = frozenset([29])
 
@@ -24,40 +25,16 @@ def tally(*areas: int, first: int = 0) -> Tally:
 
 
 @pytest.mark.parametrize(
-    ("areas", "steps", "jumps"),
-    [
-        ((4000, 3900, 0, 0, 4100), 3, [Jump(3, 0, 4100), Jump(1, 3900, 0)]),
-        ((190, 187, 394, 400), 3, [Jump(1, 187, 394)]),
-        ((4000, 2600, 1700, 1300), 3, []),  # by and by
-        ((4000, 2600, 1700, 1100, 700, 450, 300, 200, 60, 0), 9, []),  # it leaves the image
-        ((0, 4, 0, 2), 3, []),  # specks
-        ((0, 0, 0, 0), 0, []),
-        ((500,), 0, []),
-    ],
-)
-def test_what_is_painted_grows_and_shrinks_by_and_by(
-    areas: tuple[int, ...], steps: int, jumps: list[Jump]
-) -> None:
-    assert tally(*areas).jumps("ego", PAD) == (steps, jumps)
-
-
-def test_frames_that_are_no_neighbours_are_not_compared() -> None:
-    shown = tally(4000, 3900)
-    shown.area("ego", 5, PAD, 100)
-    assert shown.jumps("ego", PAD) == (1, [])
-
-
-@pytest.mark.parametrize(
     ("areas", "told"),
     [
         ((100, 100, 100, 100), None),
         ((0, 0, 0, 1350), "in one of them something else may be painted, or it left out"),
-        ((900, 0, 900, 900), "in 2 of 3 steps, most between frames 38 and 53, from 9.0% to 0.0%"),
+        ((900, 0, 900, 100), "in 2 of 2 steps, most between frames 53 and 54, from 0.0% to 9.0%"),
     ],
 )
 def test_they_are_told_by_recorded_frames(areas: tuple[int, ...], told: str | None) -> None:
     episode = SimpleNamespace(length=4)
-    scene = SimpleNamespace(back=SimpleNamespace(times=[38, 53, 54, 56]))
+    scene = SimpleNamespace(back=SimpleNamespace(times=[38, 53, 54, 55]))
     made: Any = SimpleNamespace(scene=scene, episode=episode, tally=tally(*areas))
     said = Made.uneven.fget(made)  # type: ignore[attr-defined]
     assert len(said) == (told is not None)
@@ -78,3 +55,23 @@ def test_what_is_painted_is_counted_where_instances_were_worked_out(inferred: bo
     made.episode.views["front"].rgb(1)
     counted = {("front", frozenset([one])): {1: int((view.ids(1) == one).sum())}}
     assert made.tally.areas == (counted if inferred else {})
+
+
+def test_what_comes_and_goes_is_not_painted() -> None:
+    recorded = scene({"front": (1.6, 0.3, 1.0)}, length=2)
+    one, every = Gain((0.5, 0.5, 0.5), instance_ids=frozenset([7])), Gain((0.9, 0.9, 0.9))
+    asked = list[frozenset[int]]()
+
+    def unsteady(ids: frozenset[int]) -> str:
+        asked.append(ids)
+        return "7 comes and goes" if 7 in ids else ""
+
+    film = replace(recorded, back=SimpleNamespace(unsteady=unsteady))
+    check_steady(film, replace(film, appearance=(every,)))
+    check_steady(recorded, replace(recorded, appearance=(one,)))  # no video
+    before = replace(film, appearance=(one,))
+    check_steady(before, replace(before, appearance=(one, every)))  # it was there
+    assert asked == []
+    with pytest.raises(TargetError, match="7 comes and goes; a detector, or outlines"):
+        check_steady(film, replace(film, appearance=(every, one)))
+    assert asked == [frozenset([7])]
