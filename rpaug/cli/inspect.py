@@ -1,8 +1,8 @@
 """`rpaug inspect`: what an episode holds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -120,7 +120,11 @@ def inspect(
         say(f"{role}: {ids}{sure(one)}{why}")
     for words in described["light"]:
         say(f"light: {words}")
-    _tabled(rows, "size, cm" if inspection.measured(described) else "size, relative")
+    _tabled(
+        rows,
+        "size, cm" if inspection.measured(described) else "size, relative",
+        {one["handle"]: one for one in described["instances"] if "jumps" in one},
+    )
     for words in described.get("differ", ()):  # last: the table is long
         say(f"roles differ: {words}")
     if write_roles:
@@ -130,22 +134,37 @@ def inspect(
     return 0
 
 
-def _tabled(rows: Sequence["InstanceSummary"], sized: str) -> None:
-    """A line for each instance that has a role, or of which much is seen; how many more there are."""
-    most = sorted(rows, key=lambda row: -sum(row.pixels.values()))[:LINES]
+def _tabled(
+    rows: Sequence["InstanceSummary"], sized: str, jumping: Mapping[int, Mapping[str, Any]]
+) -> None:
+    """A line for each instance that has a role, or of which much is seen and that does not come and go; how many more
+    there are. Of videos it says in how many steps from frame to frame what is seen of each is `jumping`."""
+    steady = [row for row in rows if jumping.get(row.instance_id, {}).get("steady", True)]
+    most = sorted(steady, key=lambda row: -sum(row.pixels.values()))[:LINES]
     shown = [row for row in rows if row.role or row in most]
     say(
-        f"{'handle':>8}  {'role':12}{'color':9}{sized:22}{'motion':20}{'off, mm':>8}{'frames':>8}  body"
+        f"{'handle':>8}  {'role':12}{'color':9}{sized:22}{'motion':20}{'off, mm':>8}{'frames':>8}"
+        + (f"{'jumps':>11}" if jumping else "")
+        + "  body"
     )
     for row in shown:
         motion = f"{row.motion} (ambiguous)" if row.ambiguous else row.motion
         size = " x ".join(f"{side:.1f}" for side in row.size_cm) if any(row.size_cm) else "unknown"
         body = ", ".join(map(str, sorted(row.body))) if len(row.body) > 1 else ""
         line = f"{row.instance_id:>8}  {row.role:12}{row.color_name:9}{size:22}{motion:20}{row.residual_mm:8.2f}"
-        say(f"{line}{row.frames:8d}  {body}")
-    if len(shown) < len(rows):
+        one = jumping.get(row.instance_id, {})
+        jumps = f"{one['jumps']} of {one['steps']}" if one else ""
         say(
-            f"and {len(rows) - len(shown)} of which less is seen: --html FILE outlines all of them, --json lists them"
+            f"{line}{row.frames:8d}{jumps:>11}  {body}"
+            if jumping
+            else f"{line}{row.frames:8d}  {body}"
+        )
+    if len(shown) < len(rows):
+        less = "of which less is seen" + (
+            ", or which come and go" if len(steady) < len(rows) else ""
+        )
+        say(
+            f"and {len(rows) - len(shown)} {less}: --html FILE outlines all of them, --json lists them"
         )
 
 

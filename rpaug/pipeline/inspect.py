@@ -8,7 +8,7 @@ from typing import Any
 from rpaug.core import keyframes, registry
 from rpaug.core.errors import RpaugError
 from rpaug.core.progress import told
-from rpaug.core.types import CameraView, Episode
+from rpaug.core.types import CameraView, Episode, Scene
 from rpaug.pipeline import prepare, role_facts
 from rpaug.pipeline.run import group_of
 from rpaug.providers.models_settings import Models
@@ -70,8 +70,22 @@ def inspect(
     described["light"] = beliefs.described(scene)
     described["antialiased"] = scene.antialiased
     recorded = recorded_frames(described)
-    described["instances"] = [_described(row, recorded) for row in rows]
+    described["instances"] = [
+        _described(row, recorded) | _steadiness(scene, row.instance_id) for row in rows
+    ]
     return described, rows, scene.episode
+
+
+def _steadiness(scene: Scene, instance_id: int) -> dict[str, Any]:
+    """Of a video, in how many steps between frames what is seen of an instance jumps, and whether it may be painted."""
+    if not isinstance(scene.back, VideoScene):
+        return {}
+    steps, found = scene.back.jumps([instance_id])
+    return {
+        "steps": steps,
+        "jumps": len(found),
+        "steady": not scene.back.unsteady([instance_id]),
+    }
 
 
 def roles_of_all(

@@ -163,7 +163,7 @@ def text(of: Tried, offers: Sequence[Offer], copies: int | None = None, asked: b
 
 def pointed_out(of: Tried) -> Iterator[tuple[str, str]]:
     """Instances without a role that a person may mean, largest first: in words, and as a recipe's target. What may be
-    robot, table or background is no thing.
+    robot, table or background is no thing, and what comes and goes in a video is not painted.
 
     By their handle where that holds in all episodes, else by a color that nothing else has.
     """
@@ -173,7 +173,8 @@ def pointed_out(of: Tried) -> Iterator[tuple[str, str]]:
     colors = Counter(one["color_name"] for one in instances)
     for one in sorted(instances, key=lambda one: -sum(one["pixels"].values())):
         alone = colors[one["color_name"]] == 1 and one["color_name"] not in SHADES
-        if not (one["role"] or one["handle"] in around) and (of.lasting or alone):
+        steady = one.get("steady", True)
+        if steady and not (one["role"] or one["handle"] in around) and (of.lasting or alone):
             handle, color = one["handle"], one["color_name"]
             target = f"{{handle: {handle}}}" if of.lasting else f"the {color} thing"
             yield f"instance {handle} ({color})", target

@@ -19,7 +19,7 @@ from rpaug.core.pixels import bounds, grown
 from rpaug.core.progress import told
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances
-from rpaug.scene.instances.jumps import jumps
+from rpaug.scene.instances.jumps import Jump, jumps
 from rpaug.scene.targets import roles
 from rpaug.scene.video import believed, world
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
@@ -151,15 +151,15 @@ class VideoScene:
             found[k] = np.bincount(view.ids(k).ravel(), minlength=found.shape[1])
         return found
 
-    def unsteady(self, instance_ids: Iterable[int]) -> str:
-        """Why these instances, painted together, would flicker; "" if they would not.
+    def jumps(self, instance_ids: Iterable[int]) -> tuple[int, list[Jump]]:
+        """`jumps` of what frames show of these instances together."""
+        areas = self._counted[:, sorted(instance_ids)].sum(1).tolist()
+        return jumps(dict(zip(self.times, areas, strict=True)), int(np.prod(self.lens.size)))
 
-        On the two clips that were measured, what a person would call a thing jumps in up to 8 % of its steps; patches
-        that come and go do in 18 to 80 %.
-        """
+    def unsteady(self, instance_ids: Iterable[int]) -> str:
+        """Why these instances, painted together, would flicker; "" if they would not."""
         ids = sorted(instance_ids)
-        areas = dict(zip(self.times, self._counted[:, ids].sum(1).tolist(), strict=True))
-        steps, found = jumps(areas, int(np.prod(self.lens.size)))
+        steps, found = self.jumps(ids)
         if len(found) < FEW_JUMPS or len(found) <= UNSTEADY * steps:
             return ""
         return (
