@@ -152,8 +152,9 @@ class VideoScene:
         return found
 
     def jumps(self, instance_ids: Iterable[int]) -> tuple[int, list[Jump]]:
-        """`jumps` of what frames show of these instances together."""
-        areas = self._counted[:, sorted(instance_ids)].sum(1).tolist()
+        """`jumps` of what frames show of these instances together; what was put in is none of theirs."""
+        recorded = [one for one in instance_ids if one < self._counted.shape[1]]
+        areas = self._counted[:, recorded].sum(1).tolist()
         return jumps(dict(zip(self.times, areas, strict=True)), int(np.prod(self.lens.size)))
 
     def unsteady(self, instance_ids: Iterable[int]) -> str:

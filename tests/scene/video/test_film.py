@@ -191,6 +191,7 @@ def test_what_comes_and_goes_is_told(made: VideoScene) -> None:
     things = {h for one in made.instances.supports if one for h in one.instance_ids}
     assert things
     assert made.unsteady(things) == ""
+    assert made.unsteady([10**6]) == ""  # put in by an edit
     blinking = replace(made)
     counted = made._counted.copy()
     one = min(things)
