@@ -30,6 +30,7 @@ SENSED: dict[str, tuple[str, tuple[str, ...], float]] = {
 
 TIMES = "contrast", "saturation"
 """What of what is displayed is so many times as recorded."""
+
 AFTER = {
     *SENSED,
     "little",
@@ -326,11 +327,7 @@ def sensor(clause: Clause, wish: Wish, namer: Namer) -> Meant | None:
     told = _same_cameras(clause, wish, edit)
     mild = bool(clause.every("little"))
     if kind == "exposure":
-        times = next((one for one in TIMES if clause.has(one)), None)
-        if times and not clause.has("stops", "exposure", "gamma"):
-            found = _times(clause, times, mild)
-            return Meant(edits=(edit | found.edits[0],), notes=(*found.notes, *told))
-        found = (_flicker if clause.has("flicker") else _exposure)(clause, edit, mild)
+        found = _exposed(clause, edit, mild)
         return found.model_copy(update={"notes": (*found.notes, *told)})
     clause.every("thing", "image", "all", "add", "lay", "much", "scale", "vary", kind)
     if kind == "noise":  # new in every frame
@@ -362,7 +359,15 @@ def _same_cameras(clause: Clause, wish: Wish, edit: Entry) -> list[str]:
     return [f"{clause.text!r} is taken as said of {', '.join(last['cameras'])}"]
 
 
-def _times(clause: Clause, name: str, mild: bool) -> Meant:
+def _exposed(clause: Clause, edit: Entry, mild: bool) -> Meant:
+    """What is displayed: its contrast or saturation, how frames flicker, or how long they are exposed."""
+    times = next((one for one in TIMES if clause.has(one)), None)
+    if times and not clause.has("stops", "exposure", "gamma"):
+        return _times(clause, edit, times, mild)
+    return (_flicker if clause.has("flicker") else _exposure)(clause, edit, mild)
+
+
+def _times(clause: Clause, edit: Entry, name: str, mild: bool) -> Meant:
     """Contrast or saturation, by how much it changes or what it becomes, as recorded being 1."""
     varied = clause.has("vary")
     clause.every("thing", "image", "all", "add", "much", "vary", "light", name)
@@ -388,7 +393,7 @@ def _times(clause: Clause, name: str, mild: bool) -> Meant:
     notes = (
         () if told or times else (f"{ends[0]:g} to {ends[1]:g} times, since no amount was named",)
     )
-    return Meant(edits=({"stops": [0, 0], name: ends},), notes=notes)
+    return Meant(edits=(edit | {"stops": [0, 0], name: ends},), notes=notes)
 
 
 def _flicker(clause: Clause, edit: Entry, mild: bool) -> Meant:

@@ -8,6 +8,7 @@ __all__ = [
     "found",
     "ground_plane",
     "grouping",
+    "jumps",
     "outlines",
     "rgb_episode",
 ]
