@@ -16,12 +16,15 @@ COPY = "copy written"
 """The stage whose `done` are copies of the episode that are there, of `total`."""
 FRAMES = "making frames"
 """The stage whose parts are frames of a copy."""
+WRITING = "writing, and reading back"
+"""The stage after the last frame of a copy."""
 FINISHED = "finished"
 """The stage after which nothing more comes of an episode."""
 
 EVERY = 0.2  # seconds
 LOG = logging.getLogger("rpaug.progress")
 LOG.propagate = False  # thousands of lines: for those alone who listen here
+_last: list[Told] = []  # what was told last
 
 
 def told(key: str, stage: str, done: int = 0, total: int = 0) -> None:
@@ -31,12 +34,20 @@ def told(key: str, stage: str, done: int = 0, total: int = 0) -> None:
 
 def retold(given: Told) -> None:
     """Pass on what a worker told."""
+    _last[:] = [given]
     LOG.info("%(key)s: %(stage)s", given)
+
+
+def again() -> None:
+    """Tell once more what was told last: whoever listens sees that work goes on, though it says nothing for minutes."""
+    for given in _last:
+        retold(given)
 
 
 @contextmanager
 def heard(listen: Callable[[Told], None]) -> Iterator[None]:
     """Listen to what is told meanwhile, in this process and by its workers."""
+    _last.clear()  # it was said to others
     handler, level = _Listener(listen), LOG.level
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)

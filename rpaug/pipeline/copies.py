@@ -425,6 +425,8 @@ def render(
         camera, t = frame.camera, frame.t
         tally.frame(camera, t, frame.before, frame.image, frame.seconds)
         progress.told(scene.episode.key, progress.FRAMES, len(tally.total), sum(every))
+        if len(tally.total) == sum(every):
+            progress.told(scene.episode.key, progress.WRITING)
         shows = scene.episode.views[camera]
         if painted and shows.inferred and shows.ids is not None:
             for some in painted:

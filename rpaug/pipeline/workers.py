@@ -237,7 +237,8 @@ def pooled(
             busy = [one for one in pool if one.job]
             if not busy:
                 return
-            wait([one.connection for one in busy], LOOK)
+            if not wait([one.connection for one in busy], LOOK):
+                progress.again()
             for one in busy:
                 told = one.told(budget)
                 if isinstance(told, Lost):

@@ -1,6 +1,7 @@
 """What is shown while a command works: frames of copies, stage and time left, in logs and from workers too."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ def test_a_log_is_told_frames_of_copies(
     lines = [line for line in done.stderr.splitlines() if line.startswith("augmenting: ")]
     assert any(re.search(r"making frames, \d+ of 16", line) for line in lines)  # two cameras of 8
     assert any("finding what is in the scene" in line for line in lines)
+    assert any(line.endswith(f": {progress.WRITING}") for line in lines)
     assert any("left" in line for line in lines)
     reached = [float(line.split()[1]) for line in lines if " of 4;" in line]
     assert reached == sorted(reached)
@@ -108,6 +110,32 @@ def test_nobody_hears_what_is_told_afterwards() -> None:
         progress.told("a", "reading")
     progress.told("a", "reading")
     assert [one["stage"] for one in heard] == ["reading"]
+
+
+def test_what_was_told_last_is_told_again_while_somebody_listens() -> None:
+    heard: list[progress.Told] = []
+    with progress.heard(heard.append):
+        progress.again()
+        progress.told("a", "reading")
+        progress.told("a", progress.WRITING)
+        progress.again()
+    assert [one["stage"] for one in heard] == ["reading", progress.WRITING, progress.WRITING]
+    with progress.heard(heard.append):
+        progress.again()  # it was said to others
+    assert len(heard) == 3
+
+
+def test_a_run_says_that_it_goes_on_while_its_workers_say_nothing(
+    template: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shown, "EVERY", 0.0)
+    monkeypatch.setattr("rpaug.pipeline.workers.wait", lambda busy, seconds: [])
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+    given = ["augment", str(template), "--recipe", str(tmp_path / "recipe.yaml")]
+    told = CliRunner().invoke(app, [*given, "--out", str(tmp_path / "out")]).stderr
+    stages = [line.rpartition("; ")[2] for line in told.splitlines()]
+    assert any(one == other for one, other in pairwise(stages))
+    assert "augmenting: 4 of 4; " in told
 
 
 def stderr_of(monkeypatch: pytest.MonkeyPatch, *given: object) -> str:
