@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from rpaug.core.untouched import BINARY, CHUNK
+
 LARGE = 2**16  # bytes: of larger files some blocks are read as well
 DIGITS = 32  # of a digest, in hexadecimal
 BLOCK, BLOCKS = 2**12, 8  # bytes of each, and how many, evenly spread from first to last
@@ -80,10 +82,10 @@ def sealed(folder: Path, read: bool = True) -> Seal:
 
 
 def _blocks(path: str) -> Iterator[bytes]:
-    # By a descriptor: a copy has thousands of small files, and open() asks the system five more times of each.
-    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    # By a descriptor, as `pass_on`: open() asks the system for more.
+    descriptor = os.open(path, os.O_RDONLY | BINARY)
     try:
-        while block := os.read(descriptor, 2**20):
+        while block := os.read(descriptor, CHUNK):
             yield block
     finally:
         os.close(descriptor)
