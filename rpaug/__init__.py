@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rpaug.core import geometry as geometry
     from rpaug.core import safe_yaml as safe_yaml
     from rpaug.core import splits as splits
+    from rpaug.core.ahead import in_order as in_order
     from rpaug.core.errors import BadInput as BadInput
     from rpaug.core.errors import BadRecipe as BadRecipe
     from rpaug.core.errors import Missing as Missing
@@ -100,6 +101,7 @@ _EXPORTS = {
     "files": "rpaug.core.files",
     "find_target": "rpaug.scene.targets.targets:find",
     "geometry": "rpaug.core.geometry",
+    "in_order": "rpaug.core.ahead",
     "inspect": "rpaug.pipeline.python_api",
     "kernel": "rpaug.core.jit",
     "read": "rpaug.pipeline.python_api",

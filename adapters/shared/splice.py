@@ -20,6 +20,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby, islice, pairwise
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from av.video.frame import VideoFrame
 from jaxtyping import Bool, Int64
 from rpaug_adapters.shared.video import Span, opened, planar, samples
 
-from rpaug import BadInput
+from rpaug import BadInput, in_order
 
 HEVC_ID = 15  # its code has 9 bits, that of x265's 0 has one: a byte is put in, and all after it stays aligned
 AVC_HEAD, HEVC_HEAD = 5, 22  # bytes before the parameter sets of a header (ISO/IEC 14496-15)
@@ -142,23 +143,23 @@ def write(
     where that is not None. Returns why all had to be encoded anew, where an edit left frames as they were.
 
     `encode` writes frames to a file of their own, in the target's container, one packet a frame, H.264 with parameter
-    sets numbered `video.X264_ID`. `new` is asked in order, once a frame; again where all must be encoded after all.
-    Raises BadInput, and what `encode` raises.
+    sets numbered `video.X264_ID`. `new` is asked in threads, for the next frames while others are encoded, once a
+    frame; again where all must be encoded after all. Raises BadInput, and what `encode` raises.
     """
     lies, parts = stored(source), target.with_name(f".parts-{target.name}")
     why, edited, left = lies.unfit, 0, 0
 
-    def counted(t: int) -> Any:
+    def images() -> Iterator[Any]:
         nonlocal edited, left
-        image = new(t)
-        edited, left = edited + (image is not None), left + (image is None)
-        return image
+        for image in in_order(partial(new, t) for t in frames):
+            edited, left = edited + (image is not None), left + (image is None)
+            yield image
 
     parts.mkdir()
     try:
         pieces: Pieces = []
         if not why:
-            for piece in _encoded(_to_encode(lies, frames, counted), encode, parts, target.suffix):
+            for piece in _encoded(_to_encode(lies, frames, images()), encode, parts, target.suffix):
                 pieces.append(piece)
                 if piece[1] != frames and _header(lies, piece[0]) is None:
                     why = f"another encoder wrote the header of its {lies.codec}"
@@ -173,7 +174,7 @@ def write(
         if why:
             edited = left = 0
             pieces = [(parts / f"all{target.suffix}", frames)]
-            encode(((t, counted(t)) for t in frames), pieces[0][0])
+            encode(zip(frames, images(), strict=True), pieces[0][0])
         if sound:
             _with_sound(pieces[0][0], source, target)
         else:
@@ -183,19 +184,19 @@ def write(
     return (f"{source.name}: all is encoded anew: {why}",) if why and edited and left else ()
 
 
-def _to_encode(lies: StoredFrames, frames: range, new: Callable[[int], Any]) -> New:
+def _to_encode(lies: StoredFrames, frames: range, images: Iterator[Any]) -> New:
     """The frames that cannot stay: of each group of pictures those from its first new one on."""
     entries, clean = (np.flatnonzero(one[: frames.stop + 1]) for one in (lies.entry, lies.clean))
     bounds = [frames.start, *(n for n in entries.tolist() if n in frames[1:]), frames.stop]
     for first, end in pairwise(bounds):
-        at, image = first, new(first)
+        at, image = first, next(images)
         while image is None and lies.entry[first] and (at := at + 1) < end:
-            image = new(at)
+            image = next(images)
         if lies.entry[first]:
             yield from ((t, None) for t in range(int(clean[clean <= at][-1]), at))
         if at < end:
             yield at, image
-        yield from ((t, new(t)) for t in range(at + 1, end))
+        yield from ((t, next(images)) for t in range(at + 1, end))
 
 
 def _encoded(

@@ -133,6 +133,7 @@ def _say_written(dataset: Path, out: Path, tried: "Tried", as_json: bool) -> Non
         return
     name = "sample" if dataset == registry.SAMPLE else dataset
     say(f"{out}: a recipe for {key}; its comments say what can be edited")
-    quick = " --quick" if "film" in tried.described else ""  # gates take minutes of a video
+    film = "film" in tried.described  # its gates take minutes, and a draw half a minute
+    quick = " --quick --draws 1" if film else ""
     say(f"see it: rpaug preview {name} --recipe {out}{quick}")
     say(f"make it: rpaug augment {name} --recipe {out} --out augmented")

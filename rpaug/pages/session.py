@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core import registry
+from rpaug.core.ahead import in_order
 from rpaug.core.types import CameraView, Effect, Episode
 from rpaug.pages import told
 from rpaug.pages.document import color_of, jpeg, png, webp
@@ -188,7 +189,12 @@ class Session:
         shown = self.judged(recipe, copy) if judged else self.copy(recipe, copy)
         made = shown.made
         numbers = self._numbers(made, frames)
-        views, before = made.recorded.views, self.before(frames)
+        before, images, change = self.before(frames), dict[str, Any](), dict[str, float]()
+        for name, view in made.recorded.views.items():
+            exact = before[name]["before"]["exact"]
+            images[name], change[name] = _images(
+                view, self.episode.views[name], frames, numbers, exact
+            )
         return {
             "seed": recipe.seed,
             "copy": copy,
@@ -196,12 +202,9 @@ class Session:
             "instruction": made.recorded.instruction,
             **shown.verdict(),
             "added": self._added(made, numbers),
-            "change": self._change(made, frames),
+            "change": change,
             "warnings": list(made.lacking),
-            "images": {
-                name: _images(view, frames, numbers, before[name]["before"]["exact"])
-                for name, view in views.items()
-            },
+            "images": images,
         }
 
     def _numbers(self, made: Made, frames: Sequence[int]) -> dict[int, int]:
@@ -214,17 +217,6 @@ class Session:
                     seen |= set(np.unique(view.ids(t)).tolist())
         added = sorted(added_ids(made) & seen)
         return {one: number for number, one in enumerate((*known, *added), 1) if number < 256}
-
-    def _change(self, made: Made, frames: Sequence[int]) -> dict[str, float]:
-        """By camera the mean change in levels of 255, over these frames and all pixels."""
-        seen, out = self.episode.views, {}
-        for name, view in made.recorded.views.items():
-            pairs = [(seen[name].rgb(t), view.rgb(t)) for t in frames]
-            means = [
-                float(cv2.absdiff(*pair).mean()) for pair in pairs if pair[0].shape == pair[1].shape
-            ]
-            out[name] = round(float(np.mean(means)), 1) if means else 0.0
-        return out
 
     def _added(self, made: Made, numbers: Mapping[int, int]) -> list[dict[str, Any]]:
         names = {
@@ -265,54 +257,74 @@ def _size(view: CameraView) -> dict[str, int]:
 
 
 def _images(
-    view: CameraView, frames: Sequence[int], numbers: Mapping[int, int], exact: bool
-) -> dict[str, Any]:
-    images = {"after": sheet(view, "rgb", frames, exact=exact)}
+    view: CameraView,
+    seen: CameraView,
+    frames: Sequence[int],
+    numbers: Mapping[int, int],
+    exact: bool,
+) -> tuple[dict[str, Any], float]:
+    """An edited camera's sheets; and its mean change in levels of 255 from what was `seen`, over these frames and all
+    pixels. Each frame is drawn once for both."""
+    size = _size(view)
+
+    def edited(t: int) -> tuple[np.ndarray, list[float]]:
+        image, before = view.rgb(t), seen.rgb(t)
+        alike = image.shape == before.shape
+        change = [float(cv2.absdiff(image, before).mean())] if alike else []
+        return _fitted(image, size, cv2.INTER_AREA), change
+
+    made = list(in_order(partial(edited, t) for t in frames))
+    images = {"after": packed([tile for tile, _ in made], exact)}
     if view.depth is not None:
-        images["depth"] = sheet(view, "depth", frames)
+        images["depth"] = packed(tiles(view, "depth", frames))
     if view.ids is not None:
-        images["ids"] = sheet(view, "ids", frames, numbers)
-    return images
+        images["ids"] = packed(tiles(view, "ids", frames, numbers))
+    means = [one for _, change in made for one in change]
+    return images, round(float(np.mean(means)), 1) if means else 0.0
 
 
 def smallest(view: CameraView, frames: Sequence[int]) -> dict[str, Any]:
     """A camera's frames exactly, or as JPEG if that is smaller: of what a renderer drew exact ones mostly are."""
-    exact = sheet(view, "rgb", frames)
+    shown = tiles(view, "rgb", frames)
+    exact = packed(shown)
     if len(frames) == 1:
         return exact
-    photographs = sheet(view, "rgb", frames, exact=False)
-    return min(exact, photographs, key=lambda one: len(one["url"]))
+    return min(exact, packed(shown, exact=False), key=lambda one: len(one["url"]))
 
 
-def sheet(
-    view: CameraView,
-    kind: str,
-    frames: Sequence[int],
-    numbers: Mapping[int, int] | None = None,
-    exact: bool = True,
-) -> dict[str, Any]:
-    """The frames of a camera side by side in one picture: `rgb`, `depth` (white is near), or `ids` by their numbers.
-
-    One frame alone is asked for in haste: packing it well would take longer than sending it.
-    """
+def tiles(
+    view: CameraView, kind: str, frames: Sequence[int], numbers: Mapping[int, int] | None = None
+) -> list[np.ndarray]:
+    """The frames of a camera as small as a page shows them: `rgb`, `depth` (white is near), or `ids` by their
+    numbers."""
     size = _size(view)
-    wide, high = (-(-side // BLOCK) * BLOCK for side in (size["width"], size["height"]))
-    columns = int(np.ceil(np.sqrt(len(frames))))
-    rows = -(-len(frames) // columns)
-    channels = (3,) if kind == "rgb" else ()
-    whole = np.zeros((rows * high, columns * wide, *channels), np.uint8)
-    for number, t in enumerate(frames):
+
+    def tile(t: int) -> np.ndarray:
         if kind == "rgb":
-            tile = _fitted(view.rgb(t), size, cv2.INTER_AREA)
-        elif kind == "ids":
+            return _fitted(view.rgb(t), size, cv2.INTER_AREA)
+        if kind == "ids":
             assert view.ids is not None
-            tile = _fitted(_numbered(view.ids(t), numbers or {}), size, cv2.INTER_NEAREST)
-        else:
-            assert view.depth is not None
-            tile = _fitted(_gray(view.depth(t)), size, cv2.INTER_NEAREST)
+            return _fitted(_numbered(view.ids(t), numbers or {}), size, cv2.INTER_NEAREST)
+        assert view.depth is not None
+        return _fitted(_gray(view.depth(t)), size, cv2.INTER_NEAREST)
+
+    return list(in_order(partial(tile, t) for t in frames))
+
+
+def packed(tiles: Sequence[np.ndarray], exact: bool = True) -> dict[str, Any]:
+    """Images of one size side by side in one picture.
+
+    One alone is asked for in haste: packing it well would take longer than sending it.
+    """
+    height, width = tiles[0].shape[:2]
+    wide, high = (-(-side // BLOCK) * BLOCK for side in (width, height))
+    columns = int(np.ceil(np.sqrt(len(tiles))))
+    rows = -(-len(tiles) // columns)
+    whole = np.zeros((rows * high, columns * wide, *tiles[0].shape[2:]), np.uint8)
+    for number, tile in enumerate(tiles):
         row, column = divmod(number, columns)
-        whole[row * high :, column * wide :][: size["height"], : size["width"]] = tile
-    pack = partial(png, level=1) if len(frames) == 1 else webp if exact else jpeg
+        whole[row * high :, column * wide :][:height, :width] = tile
+    pack = partial(png, level=1) if len(tiles) == 1 else webp if exact else jpeg
     return {"url": pack(whole), "columns": columns, "tile": [wide, high], "exact": exact}
 
 

@@ -17,7 +17,7 @@ from rpaug.cli import app
 from rpaug.cli.progress import Position
 from rpaug.core import owner, progress, registry
 from rpaug.pages import preview
-from rpaug.pages.session import Session, sheet, smallest
+from rpaug.pages.session import Session, packed, smallest, tiles
 from rpaug.pipeline import journal, recipe
 
 RECIPE = {
@@ -70,7 +70,7 @@ def test_the_page_holds_copies_as_a_run_makes_them(page: bytes) -> None:
 def test_frames_lie_in_a_sheet_block_by_block() -> None:
     view = registry.read(registry.SAMPLE, None).views["front"]
     numbers = {one: n for n, one in enumerate(np.unique(view.ids(0)).tolist(), 1)}  # type: ignore[misc]
-    made = sheet(view, "ids", [0, 4, 8], numbers)
+    made = packed(tiles(view, "ids", [0, 4, 8], numbers))
     assert (made["columns"], made["tile"]) == (2, [128, 128])
     assert made["url"].startswith("data:image/webp;base64,")
     data = np.frombuffer(base64.b64decode(made["url"].split(",")[1]), np.uint8)

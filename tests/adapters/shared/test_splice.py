@@ -1,5 +1,6 @@
 """An edit of a part of a video leaves the packets of the rest as they were, and the whole decodes."""
 
+import threading
 from collections.abc import Collection
 from dataclasses import replace
 from fractions import Fraction
@@ -18,6 +19,7 @@ from rpaug_adapters.video.stream import Video
 from videos import picture
 
 from rpaug import Unsupported
+from rpaug.core import ahead
 
 SIZE = (96, 64)
 LENGTH, GROUP = 24, 8
@@ -66,6 +68,26 @@ def painted(video: Video, edited: Collection[int]) -> encode.Seen:
         return image
 
     return shown
+
+
+def test_frames_are_made_side_by_side_in_a_process_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv(ahead.BESIDE, raising=False)
+    monkeypatch.setattr(ahead, "cores", lambda: 2)
+    video = Video(filmed(tmp_path / "a.mp4", "libx264", {}))
+    together, image = threading.Barrier(2, timeout=60), painted(video, range(LENGTH))
+    waited = list[int]()
+
+    def shown(t: int) -> np.ndarray:
+        together.wait()  # breaks where only one frame is under way
+        waited.append(t)
+        return image(t)
+
+    assert encode.write(tmp_path / "made.mp4", video, shown) == ()
+    assert sorted(waited) == list(range(LENGTH))
+    again = Video(tmp_path / "made.mp4")
+    assert all(np.abs(again.rgb(t).astype(int) - image(t)).mean() < 4 for t in range(LENGTH))
 
 
 def packets(path: Path) -> list[tuple[int, bytes]]:
