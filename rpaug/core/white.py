@@ -1,54 +1,73 @@
 """What white looks like in a clip, and what its colors would look like in white light: people name colors by that."""
 
+import cv2
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from rpaug.core import color_space, memo, sampling
 from rpaug.core.types import Episode
 
 COUNT = 3  # frames of each camera that are looked at
-GREY = 0.12  # saturation up to which a surface may be taken for grey under colored light
-LEAST_SHARE = 0.02  # of the pixels: fewer grey ones tell no hue
+CLIPPED = 0.97  # of a channel's range: above it a color's hue is cut off
+COLORED, BLUE, GREEN = (
+    0.45,
+    1.33,
+    0.08,
+)  # beyond what lamps and the sky give white: saturation, blue by red,
+# and how far green lies off the middle of red and blue, of the brightest channel
+MIXED = np.ones((7, 7), np.uint8)  # pixels: so near to a colored thing hues are mixed
+BRIGHT = 0.95  # quantile of brightness among what may be white: what is brighter is
 WHITE = 0.99  # quantile of pixels' brightness that shows white in this light
-DIMMEST = 0.2  # linear: a clip without anything white is not taken to be darker lit
+DIMMEST = 0.48  # display: a clip without anything white is not taken to be darker lit
+WHITEST = 0.9  # albedo of the whitest things that rooms hold
 
 Triple = tuple[float, float, float]
 
 
 @memo.last
 def hue(episode: Episode) -> Float64[np.ndarray, "3"]:
-    """The hue of white in the clip's light, in display sRGB of mean 1.
-
-    The median chromaticity of near-grey pixels of middling brightness; robots and walls mostly are. White where
-    too few of them are seen.
+    """The hue of white in the clip's light, in display sRGB of mean 1: of what is brightest in all cameras, since no
+    surface is brighter than white in the same light (the white-patch assumption, Land 1977), colored things left out.
     """
-    chroma, total = [], 0
+    seen = []
     for _, _, rgb, _ in sampling.images(episode, COUNT):
-        color = rgb.reshape(-1, 3)[::3] / 255.0
-        high, low = color.max(1), color.min(1)
-        grey = (high > 0.2) & (high < 0.97) & (high - low < GREY * high)
-        chroma.append(color[grey] / color[grey].mean(1, keepdims=True))
-        total += len(color)
-    grey_pixels = np.concatenate(chroma)
-    if len(grey_pixels) < LEAST_SHARE * total:
+        color = cv2.GaussianBlur(rgb, (0, 0), 1) / 255.0  # noise has hues
+        told = (_lamplike(color) & (color.max(-1) < CLIPPED)).astype(np.uint8)
+        seen.append(color[cv2.erode(told, MIXED) > 0][::3])
+    color = np.concatenate(seen)
+    if not len(color):
         return np.ones(3)
-    middle = np.median(grey_pixels, 0)
+    brightness = color.mean(1)
+    bright = color[brightness >= np.quantile(brightness, BRIGHT)]
+    middle = np.median(bright / bright.mean(1, keepdims=True), 0)
     return np.asarray(middle / middle.mean())
+
+
+def _lamplike(color: Float64[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"]:
+    """Which colors white may have in the light of a lamp or the sky, which are near to black bodies' (2700 K on)."""
+    red, green, blue = np.moveaxis(color, -1, 0)
+    high, low = color.max(-1), color.min(-1)
+    off = np.abs(green - (red + blue) / 2)
+    return (high - low < COLORED * high) & (blue < BLUE * red) & (off < GREEN * high)
 
 
 @memo.of_episode
 def shown(episode: Episode) -> Float64[np.ndarray, "3"]:
-    """Linear color of white in the clip's light: how bright by its brightest pixels, of what hue by gray surfaces."""
+    """Display color of white in the clip's light: its brightest channel as bright as the clip's pixels are."""
     bright = [
         np.quantile(rgb.max(-1), WHITE) / 255 for _, _, rgb, _ in sampling.images(episode, COUNT)
     ]
-    level = max(float(color_space.to_linear(np.array(max(bright)))), DIMMEST)
-    tint = color_space.to_linear(hue(episode) / 2)
-    return level * tint / max(float(tint.mean()), 1e-6)
+    tint = hue(episode)
+    return np.asarray(max(*bright, DIMMEST) * tint / tint.max())
+
+
+def full(episode: Episode) -> Float64[np.ndarray, "3"]:
+    """Display color that something would show in the clip's light that returns all of it; 1 at most."""
+    return np.asarray(np.minimum(shown(episode) / WHITEST, 1.0))
 
 
 def in_white_light(episode: Episode, color: Triple) -> Triple:
     """What shows so in the clip, as it would in light in which white is the display's (von Kries)."""
-    lit = color_space.to_linear(np.array(color)) / shown(episode)
+    lit = color_space.to_linear(np.array(color)) / color_space.to_linear(shown(episode))
     red, green, blue = np.clip(color_space.from_linear(lit), 0, 1).tolist()
     return red, green, blue

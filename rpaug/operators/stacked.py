@@ -97,11 +97,12 @@ def textures(several: Sequence[Any], device: torch.device) -> Edited:
         [(edit.texture, edit.scale, edit.mapping) for edit in several], device
     )
     smooth = _Smooths.of_edits([edit.smooth for edit in several], device)
+    white = torch.tensor([edit.white for edit in several], device=device)
 
     def edited(color: Color, which: Int64[Tensor, "n"], surface: Any) -> Color:
         points = (turn[which] @ surface.points[:, :, None])[..., 0] + shift[which]
         normals = (turn[which] @ surface.normals[:, :, None])[..., 0]
-        new = laid.on(which, points, normals, surface.footprint)
+        new = laid.on(which, points, normals, surface.footprint) * white[which]
         shine = shone(color, surface, old[which], plain[which], hues[which])
         shade = ((color - shine) * own[which]).sum(1)
         if smooth is not None:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rpaug.assets.textures import folder, shipped
 from rpaug.assets.textures.mapping import Mapping, Texture
-from rpaug.core import color_space, geometry
+from rpaug.core import color_space, geometry, white
 from rpaug.core.errors import BadInput, TargetError, there_are
 from rpaug.core.interfaces import Edit, Needs, Operator, Painted
 from rpaug.core.jit import kernel
@@ -25,6 +25,7 @@ from rpaug.scene.targets import agreement, targets
 
 Triple = tuple[float, float, float]
 COARSE = 32  # texels a side at which a texture's colors are counted
+WHITE = 1.0, 1.0, 1.0
 MOSTLY = 0.9  # of them in one color, and people call it by that
 
 
@@ -82,7 +83,7 @@ class Textured(Paint):
 
     Shading is what the old albedo leaves of the pixel; where the old surface was patterned, `smooth` tells the pattern
     from the light, and shadows that wander over it stay. `to_texture` carries points from the body's frame into the
-    texture's.
+    texture's; `white` is what an albedo of 1 shows where it is fully lit.
     """
 
     instance_ids: frozenset[int]
@@ -93,6 +94,7 @@ class Textured(Paint):
     old: Triple
     plain: bool
     smooth: shading.Smooth | None
+    white: Triple = WHITE
 
     def __call__(
         self, color: Float32[np.ndarray, "n 3"], surface: Surface
@@ -122,7 +124,8 @@ class Textured(Paint):
             turn.astype(np.float32), shift.astype(np.float32),
         )  # fmt: skip
         out = np.ones((len(points), 4), np.float32)
-        out[:, :3] = self.texture.on(points, normals, surface.footprint, self.scale, self.mapping)
+        image = self.texture.on(points, normals, surface.footprint, self.scale, self.mapping)
+        out[:, :3] = image * np.array(self.white, np.float32)
         if self.smooth is not None:
             out[:, 3] = self.smooth.fitted(surface.points, surface.facing)
         return out
@@ -202,6 +205,7 @@ class Texturing(Operator):
             "texture": name,
             "digest": folder.digest(self.textures, name) if self.textures else None,
             "to_texture": self._frame(shown).tolist(),
+            **self._white(scene),
             **described,
         }
 
@@ -220,6 +224,7 @@ class Texturing(Operator):
                     old=tuple(one["albedo"]),
                     plain=one["plain"],
                     smooth=smooth,
+                    white=tuple(edit.get("white", WHITE)),
                 )
             )
         return painted(scene, laid)
@@ -232,6 +237,12 @@ class Texturing(Operator):
 
     def falls_short(self, edit: Edit) -> dict[str, tuple[int, int]]:
         return albedo.guessed(edit["surfaces"])
+
+    def _white(self, scene: Scene) -> dict[str, Any]:
+        """What white shows in a photograph's light and exposure; elsewhere an image is shown as it is."""
+        if not agreement.told(scene):
+            return {}
+        return {"white": [round(float(one), 4) for one in white.full(scene.episode)]}
 
     def _frame(self, seen: dict[int, shading.ShadedPixels]) -> Float64[np.ndarray, "4 4"]:
         back = shading.frame(seen)

@@ -131,6 +131,7 @@ def test_textures(device: torch.device, mirrored: bool) -> None:
         Textured(ONE, mirror, turned, 0.1, "planar", WOOD, True, SMOOTH),
         Textured(ONE, mirror, turned, 0.3, "triplanar", GREY, False, None),
         Textured(ONE, oak, np.eye(4), 2.0, "planar", RED, True, None),
+        Textured(ONE, oak, turned, 0.25, "box", RED, True, None, (0.9, 0.7, 0.5)),
     ]
     alike(edits, device, mirrored)
     alike([edits[0], edits[4]], device, mirrored)

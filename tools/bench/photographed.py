@@ -173,12 +173,9 @@ def asked(
 
 
 def image_shownas(factor: str, fields: dict[str, Any], faults: photographing.CameraFaults) -> None:
-    """Colors and images as this camera shows them: what is asked for exactly is meant as it will look."""
+    """Colors as this camera shows them: what is asked for exactly is meant as it will look. Images are not, since what
+    is laid under the recorded light takes its hue and exposure."""
     gain = np.array(faults.gain)
-    if "textures" in fields:
-        path = Path(fields["textures"]) / fields["texture"]
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        cv2.imwrite(str(path), np.rint(np.minimum(image * gain[::-1], 255)).astype(np.uint8))
     if "color" in fields:
         fields["color"] = {"rgb": (gain * fields["color"]["rgb"]).tolist()}
     if factor == "table_color":

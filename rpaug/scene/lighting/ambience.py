@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int
 
-from rpaug.core import color_space, sampling
+from rpaug.core import color_space, sampling, white
 from rpaug.core.errors import SourceLacks
 from rpaug.core.memo import once
 from rpaug.core.types import Ambience, Episode
@@ -21,7 +21,6 @@ DARK, CLIPPED = 0.03, 0.97  # brightest channel of pixels that tell something of
 ENDS = (0.01, 0.995)  # quantiles of lightness that count as a recording's darkest and brightest
 CAST = 0.12  # difference between channels below which light counts as white: walls are as yellow as that
 UP = np.array([[0.0, 0.0, 1.0]], np.float32)
-WHITE = 0.9  # albedo of the whitest things that rooms hold
 STEP = 7  # pixels, of which one is looked at for its color
 
 
@@ -89,7 +88,7 @@ def _exposure(episode: Episode) -> float:
         for name, _, rgb, _ in sampling.images(episode, FRAMES)
         if (proxy := episode.views[name].proxy) and not proxy.blank
     ]
-    return min(max(float(np.median(whites)) / WHITE, 0.3), 1.0) if whites else 1.0
+    return min(max(float(np.median(whites)) / white.WHITEST, 0.3), 1.0) if whites else 1.0
 
 
 def _tint(episode: Episode) -> tuple[float, float, float]:

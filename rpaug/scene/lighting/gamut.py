@@ -21,7 +21,8 @@ def painted(episode: Episode, color: Triple) -> Triple:
     """
     pure = np.array(color)
     returned = DARKEST + (BRIGHTEST - DARKEST) * color_space.to_linear(pure)
-    shown = np.clip(color_space.from_linear(returned * white.shown(episode)), 0, 1)
+    lit = color_space.to_linear(white.shown(episode))
+    shown = np.clip(color_space.from_linear(returned * lit), 0, 1)
     steps = [shown + share * (pure - shown) for share in np.linspace(0, 1, STEPS)]
     red, green, blue = next(one for one in steps if _alike(pure, one)).tolist()
     return red, green, blue
