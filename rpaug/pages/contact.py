@@ -26,7 +26,8 @@ from rpaug.pipeline import journal, report
 
 MOST_EPISODES = 8  # of the sheet
 ON_A_PAGE = 24  # episodes, recorded ones among them
-MOST_FRAMES = 4
+MOST_FRAMES = 4  # side by side
+ROWS = 3  # of them, where one camera of one episode is all there is to see
 TILE = 144  # pixels, of one image's height on the sheet
 BLACK = 8  # levels of a camera that shows nothing, at most: a codec's error
 CODED = 2  # levels by which a JPEG file of best quality is off
@@ -50,7 +51,8 @@ def write(adapter: Adapter, source: Path, target: Path) -> Path:
     keys = _keys(adapter, target)
     picked = _picked(target, keys)
     read = _recorded(adapter, source)
-    parts = [_section(adapter, read, target, key, one) for key, one in picked.items()]
+    rows = ROWS if len(picked) == 1 else 1
+    parts = [_section(adapter, read, target, key, one, rows) for key, one in picked.items()]
     summary = json.loads((target / report.SUMMARY).read_bytes())
     body = (
         f"<h1>{len(keys)} episode{'s' * (len(keys) != 1)}, {len(picked)} augmented ones shown</h1>"
@@ -150,12 +152,10 @@ def _keys(adapter: Adapter, target: Path) -> list[str]:
     return [key for key in adapter.episodes(target) if PurePosixPath(key).parts[0] != REJECTED]
 
 
-def key_frames(episode: Episode) -> list[int]:
-    """At most four frames worth seeing: the key frames (all frames where there are none), evenly thinned."""
+def key_frames(episode: Episode, most: int = MOST_FRAMES) -> list[int]:
+    """At most so many frames worth seeing: the key frames (all frames where there are none), evenly thinned."""
     found = sorted({0, *(keyframes.find(episode.robot) or range(episode.length))})
-    picks = sorted(
-        set(np.linspace(0, len(found) - 1, min(MOST_FRAMES, len(found))).round().astype(int))
-    )
+    picks = sorted(set(np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(int)))
     return [min(found[i], episode.length - 1) for i in picks]
 
 
@@ -188,9 +188,10 @@ def _section(
     target: Path,
     key: str,
     described: dict[str, Any],
+    rows: int = 1,
 ) -> str:
     before, after = recorded(described["source"]), adapter.read(target, key)
-    frames = key_frames(before)
+    frames = key_frames(before, MOST_FRAMES * (rows if len(before.views) == 1 else 1))
     times = [*frames, *(t for t in range(before.length) if t not in frames)]
     shown = {n: one for n, one in before.views.items() if not _black(one, after.views[n], times)}
     after = replace(after, views={name: after.views[name] for name in shown})
@@ -200,10 +201,11 @@ def _section(
         figure(
             jpeg(image),
             f"{name}: recorded, edited, difference",
-            f"{name}, {_by_frame(before.views[name], after.views[name], frames)}; of all frames "
+            f"{name}, {_by_frame(before.views[name], after.views[name], some)}; of all frames "
             f"{report.change(described, name)}",
         )
-        for name, image in sheet(replace(before, views=shown), after, frames).items()
+        for some in (frames[n : n + MOST_FRAMES] for n in range(0, len(frames), MOST_FRAMES))
+        for name, image in sheet(replace(before, views=shown), after, some).items()
     ]
     repainted = {int(one): word for one, word in described.get("repainted", {}).items()}
     words = "".join(
@@ -247,5 +249,6 @@ def _column(
     difference = (after.astype(np.int16) - before) * GAIN + 128
     tiles = [before, after, np.clip(difference, 0, 255).astype(np.uint8)]
     width = max(1, round(before.shape[1] * TILE / before.shape[0]))
-    scaled = [cv2.resize(tile, (width, TILE), interpolation=cv2.INTER_NEAREST) for tile in tiles]
+    how = cv2.INTER_AREA if before.shape[0] > TILE else cv2.INTER_NEAREST
+    scaled = [cv2.resize(tile, (width, TILE), interpolation=how) for tile in tiles]
     return np.pad(np.concatenate(scaled), ((0, 0), (0, 4), (0, 0)), constant_values=255)

@@ -4,18 +4,20 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import UInt8
 
 from rpaug.core.types import Episode
 from rpaug.core.visible import quoted
-from rpaug.pages.document import color_of, document, facts, figure, outlined, png
+from rpaug.pages.document import color_of, document, facts, figure, jpeg, outlined, png
 from rpaug.pipeline import role_facts
 from rpaug.pipeline.inspect import measured, recorded_frames
 from rpaug.scene.targets.survey import InstanceSummary
 
-MARGIN = 4  # pixels around an instance's thumbnail
-HEIGHT = 480  # pixels of an outlined image, at least, by whole factors
+MARGIN, THUMBNAIL = 4, 96  # pixels around an instance's thumbnail, and of its height on the page
+SPREAD = 0.1, 0.35, 0.6, 0.85  # of a video: where its frames are shown
+HEIGHT, TALLEST = 480, 640  # pixels of an outlined image: at least, by whole factors, and at most
 
 
 def page(episode: Episode, described: Mapping[str, Any], rows: Sequence[InstanceSummary]) -> bytes:
@@ -91,15 +93,28 @@ def _views(
     names: Mapping[int, tuple[str, tuple[int, int, int]]],
     recorded: Sequence[int],
 ) -> list[str]:
-    """One frame a camera, every instance outlined and named; the frame alone where there are no ids."""
-    t, found = episode.length // 2, []
+    """One frame a camera, every instance outlined and named; the frame alone where there are no ids. Of a video, which
+    shows other things at other times, a few."""
+    found, last = [], episode.length - 1
     for name, view in episode.views.items():
-        image = view.rgb(t)
-        if view.ids is not None:
-            scale = max(1, -(-HEIGHT // image.shape[0]))
-            image = outlined(image, view.ids(t), names, scale)
-        found.append(figure(png(image), name, f"{name}, frame {recorded[t]}"))
+        of_a_video = view.inferred and not view.camera.fixed
+        pack = jpeg if of_a_video else png
+        for share in SPREAD if of_a_video else (0.5,):
+            t = round(share * last)
+            image = _reduced(view.rgb(t), TALLEST)
+            if view.ids is not None:
+                scale = max(1, -(-HEIGHT // image.shape[0]))
+                image = outlined(
+                    image, _reduced(view.ids(t), TALLEST, cv2.INTER_NEAREST), names, scale
+                )
+            found.append(figure(pack(image), name, f"{name}, frame {recorded[t]}"))
     return found
+
+
+def _reduced(image: np.ndarray, most: int, how: int = cv2.INTER_AREA) -> np.ndarray:
+    """At most so many pixels high: names on it can be read, and a page of a video's images is sent."""
+    size = max(1, round(most * image.shape[1] / image.shape[0])), most
+    return cv2.resize(image, size, interpolation=how) if image.shape[0] > most else image
 
 
 def _row(
@@ -135,5 +150,6 @@ def _thumbnail(episode: Episode, row: InstanceSummary) -> str:
             best = int(mask.sum()), view.rgb(t)[top : down[-1] + MARGIN, left : right[-1] + MARGIN]
     if best[1] is None:
         return ""
-    height = min(96, 3 * len(best[1]))
-    return f"<img alt='instance {row.instance_id}' src='{png(best[1])}' height={height}>"
+    height = min(THUMBNAIL, 3 * len(best[1]))
+    shown = png(_reduced(best[1], 2 * THUMBNAIL))  # screens show two pixels for one
+    return f"<img alt='instance {row.instance_id}' src='{shown}' height={height}>"

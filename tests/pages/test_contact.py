@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from analytic import EYES, scene
 
-from rpaug.core.types import Episode
+from rpaug.core.types import Episode, Robot
 from rpaug.pages import contact
 from rpaug.pipeline import journal, report
 
@@ -26,7 +26,7 @@ def test_some_augmented_episodes_are_shown_and_their_reports_alone_are_kept(
     (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
     read, of = list[Path](), report.of
     monkeypatch.setattr(report, "of", lambda path: read.append(path) or of(path))
-    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d: f"<p>{key}")
+    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d, _rows: f"<p>{key}")
     held = SimpleNamespace(episodes=lambda _: [*keys, "rejected/train/0"])
     page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
     assert "61 episodes, 8 augmented ones shown" in page
@@ -53,7 +53,7 @@ def test_episodes_that_lack_no_edit_come_first(
     lines.append({"renamed": "train/99", "to": "train/18"})
     journal.append(tmp_path, lines, durable=False)
     (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
-    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d: f"<p>{key}")
+    monkeypatch.setattr(contact, "_section", lambda _a, _s, _t, key, _d, _rows: f"<p>{key}")
     held = SimpleNamespace(episodes=lambda _: keys)
     page = contact.write(held, tmp_path, tmp_path).read_text()  # type: ignore[arg-type]
     shown = [int(part.split("<")[0]) for part in page.split("<p>train/")[1:]]
@@ -99,6 +99,26 @@ def test_a_recorded_episode_is_read_once_for_its_copies(tmp_path: Path) -> None:
     page = contact.write(held, source, tmp_path).read_text()  # type: ignore[arg-type]
     assert all(f"copy {1 + number % 3} of episode{number // 3}" in page for number in range(6))
     assert read == ["episode0", "episode1"]
+
+
+@pytest.mark.parametrize(("cameras", "copies", "rows"), [(1, 1, 3), (1, 2, 1), (2, 1, 1)])
+def test_one_camera_of_one_episode_is_shown_at_more_times(
+    cameras: int, copies: int, rows: int, tmp_path: Path
+) -> None:
+    keys = [f"clip_{number}" for number in range(copies)]
+    for number, key in enumerate(keys):
+        told = {"synthetic": True, "source": "clip", "copy": number + 1, "changed_share": {}}
+        (tmp_path / key).mkdir()
+        (tmp_path / key / report.NAME).write_text(json.dumps(told | {"draws": []}))
+    (tmp_path / report.SUMMARY).write_text(json.dumps({"recipe": {}}))
+    recorded = scene(EYES, length=20).episode
+    views = dict(list(recorded.views.items())[:cameras])
+    still = Robot(np.zeros((20, 0)), np.zeros((20, 0)), None, None)
+    recorded = replace(recorded, views=views, robot=still, descriptions=("roll it",))
+    held = SimpleNamespace(episodes=lambda _: keys, read=lambda root, key: recorded)
+    page = contact.write(held, tmp_path / "source", tmp_path).read_text()  # type: ignore[arg-type]
+    assert page.count("<img") == rows * cameras * copies
+    assert page.count("frame 19:") == cameras * copies
 
 
 EVIL = "<script>alert(1)</script>"

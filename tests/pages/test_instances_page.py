@@ -1,8 +1,13 @@
 """The page of an episode's instances: outlines in their colors, names, escaped words."""
 
+import base64
+from dataclasses import replace
+
+import cv2
 import numpy as np
 
 from rpaug.core import registry
+from rpaug.core.types import CameraView
 from rpaug.pages import instances
 from rpaug.pages.document import color_of, outlined
 from rpaug.pipeline import inspect
@@ -40,3 +45,22 @@ def test_frames_of_a_video_go_by_their_recorded_numbers() -> None:
     page = instances.page(seen, described, rows).decode()
     assert f", frame {seen.length // 2 + 2}<" in page
     assert any(f"({row.first_frame + 2}–{row.last_frame + 2})" in page for row in rows)
+
+
+def test_a_video_is_shown_at_several_times_and_large_images_small() -> None:
+    described, rows, seen = inspect.inspect(registry.read(registry.SAMPLE, None))
+    view = seen.views["front"]
+    track = np.tile(np.eye(4), (seen.length, 1, 1))
+    track[:, 0, 3] = np.linspace(0, 0.1, seen.length)
+    assert view.ids is not None
+    filmed = CameraView(
+        replace(view.camera, cam_to_world=track),
+        lambda t: np.kron(view.rgb(t), np.ones((8, 8, 1), np.uint8)),
+        ids=lambda t: np.kron(view.ids(t), np.ones((8, 8), np.int32)),  # type: ignore[misc]
+        inferred=True,
+    )
+    made = instances._views(replace(seen, views={"ego": filmed}), instances.labels(rows), range(99))
+    last = seen.length - 1
+    assert [f"frame {round(share * last)}<" in one for share, one in zip(instances.SPREAD, made, strict=True)] == [True] * 4  # fmt: skip
+    data = base64.b64decode(made[0].split("base64,")[1].split("'")[0])
+    assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape[0] == 640
