@@ -9,14 +9,17 @@ from rpaug.core.types import Episode
 
 COUNT = 3  # frames of each camera that are looked at
 CLIPPED = 0.97  # of a channel's range: above it a color's hue is cut off
-COLORED, BLUE, GREEN = (
-    0.45,
-    1.33,
-    0.08,
-)  # beyond what lamps and the sky give white: saturation, blue by red,
-# and how far green lies off the middle of red and blue, of the brightest channel
-MIXED = np.ones((7, 7), np.uint8)  # pixels: so near to a colored thing hues are mixed
+COLORED = 0.45  # saturation: more is no white in a lamp's light
+BLUE = 1.18  # blue by red: more is no white in the sky's, as cameras balance it
+GREEN = (
+    0.08  # of the brightest channel: farther green is not from the middle of red and blue in either
+)
+MIXED = 1 / 160  # of an image's side: so near to a colored thing hues are mixed
 BRIGHT = 0.95  # quantile of brightness among what may be white: what is brighter is
+GRAY, SOME = (
+    0.12,
+    0.25,
+)  # saturation that is near to gray, and the share of the brightest that counts
 WHITE = 0.99  # quantile of pixels' brightness that shows white in this light
 DIMMEST = 0.48  # display: a clip without anything white is not taken to be darker lit
 WHITEST = 0.9  # albedo of the whitest things that rooms hold
@@ -26,19 +29,25 @@ Triple = tuple[float, float, float]
 
 @memo.last
 def hue(episode: Episode) -> Float64[np.ndarray, "3"]:
-    """The hue of white in the clip's light, in display sRGB of mean 1: of what is brightest in all cameras, since no
-    surface is brighter than white in the same light (the white-patch assumption, Land 1977), colored things left out.
+    """The hue of white in the clip's light, in display sRGB of mean 1; white where nothing tells it.
+
+    The median of the brightest that a lamp or the sky may show white, since no surface is brighter than white in the
+    same light (the white-patch assumption, Land 1977); of several hues those near to gray.
     """
     seen = []
     for _, _, rgb, _ in sampling.images(episode, COUNT):
         color = cv2.GaussianBlur(rgb, (0, 0), 1) / 255.0  # noise has hues
         told = (_lamplike(color) & (color.max(-1) < CLIPPED)).astype(np.uint8)
-        seen.append(color[cv2.erode(told, MIXED) > 0][::3])
+        apart = 2 * max(1, round(MIXED * min(told.shape))) + 1
+        seen.append(color[cv2.erode(told, np.ones((apart, apart), np.uint8)) > 0][::3])
     color = np.concatenate(seen)
     if not len(color):
         return np.ones(3)
     brightness = color.mean(1)
     bright = color[brightness >= np.quantile(brightness, BRIGHT)]
+    gray = np.ptp(bright, 1) < GRAY * bright.max(1)
+    if gray.mean() > SOME:
+        bright = bright[gray]
     middle = np.median(bright / bright.mean(1, keepdims=True), 0)
     return np.asarray(middle / middle.mean())
 

@@ -25,7 +25,7 @@ def test_a_color_is_the_same_in_dim_and_in_tinted_light(light: tuple) -> None:
         assert np.abs(np.array(found) - np.array(color) / 255.0).max() < 0.05
 
 
-WARM, COOL = (1.0, 0.8, 0.6), (0.82, 0.9, 1.0)
+WARM, COOL = (1.0, 0.8, 0.6), (0.87, 0.94, 1.0)
 
 
 def room(light: tuple[float, float, float], table: tuple[int, int, int]) -> rpaug.Episode:
@@ -42,6 +42,15 @@ def room(light: tuple[float, float, float], table: tuple[int, int, int]) -> rpau
 def test_the_brightest_that_a_lamp_may_show_white_tells_its_hue(light: tuple, table: tuple) -> None:
     found = white.hue(room(light, table))
     np.testing.assert_allclose(found, np.array(light) / np.mean(light), atol=0.03)
+
+
+def test_of_several_bright_hues_white_is_the_one_near_gray() -> None:
+    rgb = np.full((1, 60, 60, 3), (70, 52, 40), np.uint8)
+    rgb[:, :30] = (185, 211, 216)  # a pale blue sink, as bright as
+    rgb[:, 40:] = (212, 204, 196)  # a white counter
+    np.testing.assert_allclose(
+        white.hue(rpaug.Episode.from_arrays(rgb)), np.array([212, 204, 196]) / 204, atol=0.01
+    )
 
 
 def test_nothing_that_may_be_white_tells_no_hue() -> None:
