@@ -6,7 +6,7 @@ from itertools import product
 
 import cv2
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from rpaug.core import color_space, sampling, white
 from rpaug.core.memo import of_episode, once
@@ -67,7 +67,7 @@ def survey(
     role_of = {instance_id: role for role in reversed(NAMES) for instance_id in roles.get(role, ())}
     role_of |= dict.fromkeys(roles.get("table", ()), "table")
     instance_ids = sorted(body_of)
-    seen = _seen(episode, np.array(instance_ids, np.int32))
+    seen = counts(episode, tuple(instance_ids))
     tints = _colors(episode, tuple(instance_ids))
     rows = []
     for i, instance_id in enumerate(instance_ids):
@@ -121,9 +121,10 @@ def _with_ids(episode: Episode) -> list[str]:
     return [name for name, view in episode.views.items() if view.ids is not None]
 
 
-def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
-    """Pixels of each instance id per frame and camera: (t, n, c)."""
-    names = _with_ids(episode)
+@of_episode
+def counts(episode: Episode, instance_ids: tuple[int, ...]) -> Int64[np.ndarray, "t n c"]:
+    """How many pixels show each of these ascending instance ids, by frame and camera that has ids."""
+    names, asked = _with_ids(episode), np.array(instance_ids, np.int32)
     out = np.zeros((episode.length, len(instance_ids), len(names)), np.int64)
     for c, name in enumerate(names):
         read = episode.views[name].ids
@@ -132,9 +133,9 @@ def _seen(episode: Episode, instance_ids: np.ndarray) -> np.ndarray:
             done = c * episode.length + t
             told(episode.key, "measuring instances", done, episode.length * len(names))
             found, count = np.unique(read(t), return_counts=True)
-            at = np.searchsorted(instance_ids, found)
+            at = np.searchsorted(asked, found)
             known = at < len(instance_ids)
-            known[known] = instance_ids[at[known]] == found[known]
+            known[known] = asked[at[known]] == found[known]
             out[t, at[known], c] = count[known]
     return out
 

@@ -16,11 +16,10 @@ from jaxtyping import Bool, Float32, Float64, Int32, Int64, UInt8, UInt16
 from rpaug.core import geometry
 from rpaug.core.jit import kernel
 from rpaug.core.pixels import bounds, grown
-from rpaug.core.progress import told
 from rpaug.core.types import Belief, Body, Camera, CameraView, Episode, Everywhere, Scene
 from rpaug.scene.instances.found import FoundInstances
 from rpaug.scene.instances.jumps import Jump, jumps
-from rpaug.scene.targets import roles
+from rpaug.scene.targets import roles, survey
 from rpaug.scene.video import believed, world
 from rpaug.scene.video.frame import LOOK_WIDTH, PosedFrame, SmallFrames, reduced_lens
 from rpaug.scene.video.instances import InstanceMap, plane_depth
@@ -143,12 +142,9 @@ class VideoScene:
     @cached_property
     def _counted(self) -> Int64[np.ndarray, "t n"]:
         """Pixels of each instance id, frame by frame."""
-        view = self.episode.views[self.name]
-        assert view.ids is not None
+        ids = [*self.instances.every, *([] if self.hand is None else [self.hand])]
         found = np.zeros((len(self.times), max(self.instances.every) + 2), np.int64)
-        for k in range(len(found)):
-            told(self.recorded.key, "measuring instances", k, len(found))
-            found[k] = np.bincount(view.ids(k).ravel(), minlength=found.shape[1])
+        found[:, ids] = survey.counts(self.episode, tuple(ids))[..., 0]
         return found
 
     def jumps(self, instance_ids: Iterable[int]) -> tuple[int, list[Jump]]:

@@ -19,7 +19,7 @@ from rpaug.pipeline.inspect import inspect
 from rpaug.pipeline.plan import Plan
 from rpaug.pipeline.report import Tally
 from rpaug.scene.placement import untouched
-from rpaug.scene.targets import agreement, targets
+from rpaug.scene.targets import agreement, survey, targets
 from rpaug.scene.targets.settled import SettledRole, settle
 from rpaug.scene.video import colmap, instances, reconstruct, sweep, world
 from rpaug.scene.video.lens import Lens
@@ -204,6 +204,16 @@ def test_what_comes_and_goes_is_told(made: VideoScene) -> None:
     counted[:] = made._counted
     counted[4, one] = 0
     assert blinking.unsteady([one]) == ""  # two jumps are no flicker
+
+
+def test_jumps_are_told_from_what_the_table_of_instances_counted(made: VideoScene) -> None:
+    again = replace(made)
+    rows = survey.survey(again.episode, again.scene().bodies, {})
+    (name,) = rows[0].pixels
+    for row in rows:
+        assert again._counted[:, row.instance_id].sum() == row.pixels[name]
+    ids = tuple(sorted(row.instance_id for row in rows))
+    assert survey.counts(again.episode, ids) is survey.counts(again.episode, ids)  # held
 
 
 def test_inspect_names_the_handles_that_edits_go_by(
