@@ -8,18 +8,14 @@ from rpaug.core import color_space, memo, sampling
 from rpaug.core.types import Episode
 
 COUNT = 3  # frames of each camera that are looked at
-CLIPPED = 0.97  # of a channel's range: above it a color's hue is cut off
+DARK, CLIPPED = 0.2, 0.97  # of a channel's range: what is darker or brighter tells no hue
 COLORED = 0.45  # saturation: more is no white in a lamp's light
 BLUE = 1.18  # blue by red: more is no white in the sky's, as cameras balance it
-GREEN = (
-    0.08  # of the brightest channel: farther green is not from the middle of red and blue in either
-)
+GREEN = 0.08  # of the brightest channel: farther off the middle of red and blue is green in neither
 MIXED = 1 / 160  # of an image's side: so near to a colored thing hues are mixed
 BRIGHT = 0.95  # quantile of brightness among what may be white: what is brighter is
-GRAY, SOME = (
-    0.12,
-    0.25,
-)  # saturation that is near to gray, and the share of the brightest that counts
+GRAY = 0.12  # saturation up to which a surface may be gray where light is hardly colored
+SOME = 0.25  # of the brightest is gray, if light is
 WHITE = 0.99  # quantile of pixels' brightness that shows white in this light
 DIMMEST = 0.48  # display: a clip without anything white is not taken to be darker lit
 WHITEST = 0.9  # albedo of the whitest things that rooms hold
@@ -31,24 +27,25 @@ Triple = tuple[float, float, float]
 def hue(episode: Episode) -> Float64[np.ndarray, "3"]:
     """The hue of white in the clip's light, in display sRGB of mean 1; white where nothing tells it.
 
-    The median of the brightest that a lamp or the sky may show white, since no surface is brighter than white in the
-    same light (the white-patch assumption, Land 1977); of several hues those near to gray.
+    No surface is brighter than white in the same light (the white-patch assumption, Land 1977). If some of the
+    brightest that a lamp or the sky may show white is near to gray, it is the median of all that is: robots and walls
+    mostly are. Else light is colored, and it is that of the brightest.
     """
     seen = []
     for _, _, rgb, _ in sampling.images(episode, COUNT):
         color = cv2.GaussianBlur(rgb, (0, 0), 1) / 255.0  # noise has hues
-        told = (_lamplike(color) & (color.max(-1) < CLIPPED)).astype(np.uint8)
+        high = color.max(-1)
+        told = (_lamplike(color) & (high > DARK) & (high < CLIPPED)).astype(np.uint8)
         apart = 2 * max(1, round(MIXED * min(told.shape))) + 1
         seen.append(color[cv2.erode(told, np.ones((apart, apart), np.uint8)) > 0][::3])
     color = np.concatenate(seen)
     if not len(color):
         return np.ones(3)
     brightness = color.mean(1)
-    bright = color[brightness >= np.quantile(brightness, BRIGHT)]
-    gray = np.ptp(bright, 1) < GRAY * bright.max(1)
-    if gray.mean() > SOME:
-        bright = bright[gray]
-    middle = np.median(bright / bright.mean(1, keepdims=True), 0)
+    bright = brightness >= np.quantile(brightness, BRIGHT)
+    gray = np.ptp(color, 1) < GRAY * color.max(1)
+    white = color[gray if gray[bright].mean() > SOME else bright]
+    middle = np.median(white / white.mean(1, keepdims=True), 0)
     return np.asarray(middle / middle.mean())
 
 
