@@ -9,6 +9,7 @@ from rpaug.scene.video.instances import InstanceMap, Support
 DISPUTED = 0.1  # of a surface's pixels: more is told
 LISTED = 4  # other level surfaces
 BEHIND = "the background of a video is all that is no instance of its own: arms and things may be painted with it"
+NONE = "nothing large and level was found below the camera: there is no table; `{handle: ID}` names a surface"
 # Below the bound of roles: nothing measures it.
 BACKGROUND = Belief(frozenset([instances.BACKGROUND]), 0.2, (BEHIND,))
 Span = tuple[int, int]
@@ -58,14 +59,15 @@ def apart(spans: Sequence[Span]) -> tuple[str, ...]:
 
 
 def told(found: InstanceMap, spans: Sequence[Span], eye: float) -> tuple[str, ...]:
-    """What `rpaug inspect` says of the table beside the belief: pieces, doubts, other level surfaces. `eye` is the
-    camera's height above its support."""
+    """What `rpaug inspect` says of the table beside the belief, or of there being none: pieces, doubts, other level
+    surfaces. `eye` is the camera's height above its support."""
     parted = [
         f"the camera is known in {len(spans)} pieces (frames {_frames(spans)}) that share too few points to be set"
         " beside each other: each has a table of its own, and what is put on one is not on the others"
     ] * (len(spans) > 1)
     levels = [_levels(found, k, one, eye) for k, one in _supports(found)]
-    return (*parted, *doubts(found, spans), *filter(None, levels))
+    none = [NONE] * (not _supports(found))
+    return (*parted, *none, *doubts(found, spans), *filter(None, levels))
 
 
 def _frames(spans: Sequence[Span]) -> str:

@@ -93,4 +93,4 @@ def test_what_is_believed_names_each_piece_and_what_has_no_table() -> None:
     assert none.startswith("frames 15 to 30 show no table")
     assert wrong.startswith("20% of the table 4 (frames 0 to 9)")
     assert believed.table(replace(found, supports=()), [(0, 9)]) is None
-    assert believed.told(replace(found, supports=()), [(0, 9)], 1.0) == ()
+    assert believed.told(replace(found, supports=()), [(0, 9)], 1.0) == (believed.NONE,)
