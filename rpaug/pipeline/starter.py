@@ -50,7 +50,7 @@ FEW = 3  # edits
 STATIC, REJECTED = "camera: static", "the gates, which check copies, would reject"
 SHADES = frozenset({"black", "gray", "silver", "white"})  # of them walls and shadows are too
 TABLE = "op: table_texture"
-ROUGH = "rough in videos: shade, glass and what moves over the table may stay or be painted; look at every frame"
+ROUGH = "left to you, since rough in videos: shade, glass and what moves over the table may stay or be painted"
 WIDTH = 118  # columns of a comment
 SEE = "See it: rpaug preview DATASET --recipe THIS. Make it: rpaug augment DATASET --recipe THIS --out OUT."
 
@@ -134,10 +134,12 @@ def text(of: Tried, offers: Sequence[Offer], copies: int | None = None, asked: b
     lines = list[str]()
     copies = copies or (1 if "film" in of.described else COPIES)
     for one in offers:
-        rough = (ROUGH,) if "film" in of.described and TABLE in one.entry else ()
+        film = "film" in of.described and TABLE in one.entry and not asked
+        others = any(other.reason is None for other in offers if other is not one)
+        rough = (ROUGH,) if film and others else ()
         lines += [line for note in (*one.notes, *rough) for line in _comment(note, "  # ")]
         if one.reason is None:
-            lines += [f"  # {one.words}", f"  - {one.entry}"]
+            lines += [f"  # {one.words}", f"  {'# ' if rough else ''}- {one.entry}"]
         else:
             told = f"not here: {one.words}: {one.reason}"
             lines += [*_comment(told, "  # "), f"  # - {one.entry}"]

@@ -150,6 +150,24 @@ def test_of_a_video_one_copy_is_made_for_it_takes_minutes() -> None:
     assert "rough in videos" not in written(episode, described)
 
 
+def test_the_table_of_a_video_is_painted_only_where_a_person_asks_for_it() -> None:
+    episode, described = photographed()
+    kinds = [
+        ("another tabletop", "{op: table_texture, probability: 0.5}"),
+        ("lamps", "{op: light_color, probability: 0.5}"),
+    ]
+    offers = [starter.Offer(words, entry, None) for words, entry in kinds]
+
+    def edits(described: Mapping[str, Any], count: int) -> list[str]:
+        tried = starter.Tried(episode, described, 1, tuple(offers[:count]))
+        made = starter.parse(starter.text(tried, offers[:count]).encode(), "r")[0]
+        return [one["op"] for one in made["edits"]]
+
+    assert edits(described, 2) == ["table_texture", "light_color"]
+    assert edits(described | {"film": {}}, 2) == ["light_color"]
+    assert edits(described | {"film": {}}, 1) == ["table_texture"]  # nothing else can be made
+
+
 def test_doubted_roles_are_not_listed_as_found() -> None:
     episode, described = photographed()
     head = written(episode, described).partition("version: 1")[0].replace("\n# ", " ")
